@@ -1,0 +1,187 @@
+"""The definition of a scene: validated data, a unit on every field, all that a scene file can say.
+
+The parts are in `body_definitions.py` and `constraint_definitions.py`; import everything from here.
+A definition is constant; arrays in it are read-only. Lengths [m], masses [kg], times [s], angles [rad].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
+from pydantic.json_schema import SkipJsonSchema
+from pydantic_core import PydanticCustomError
+
+from turnbuckle.scene.base_definition import Definition, exactly_one
+from turnbuckle.scene.body_definitions import (
+    BodyBase,
+    BoxDef,
+    ClothDef,
+    CylinderDef,
+    NetDef,
+    RopeDef,
+    SheetDef,
+    SolidDef,
+)
+from turnbuckle.scene.constraint_definitions import (
+    AttachDef,
+    AttachToDef,
+    CoincidentDef,
+    ConstraintBase,
+    KeyframesDef,
+    NailDef,
+    PointRef,
+    PointsDef,
+    PointsToPointDef,
+    RampDef,
+    SlideDef,
+    SlideOnDef,
+    VelocityDef,
+)
+from turnbuckle.scene.expression import compile_expression
+from turnbuckle.scene.fields import Name, NonNegative, Positive, Text, Vec3
+from turnbuckle.scene.suggestion import did_you_mean
+
+__all__ = [
+    "AttachDef", "AttachToDef", "BodyBase", "BodyDef", "BoxDef", "ClothDef", "CoincidentDef", "ConstraintBase",
+    "ConstraintDef", "CylinderDef", "ForceDef", "INTEGRATORS", "KeyframesDef", "NailDef", "NetDef", "PointRef",
+    "PointsDef", "PointsToPointDef", "RampDef", "RopeDef", "SceneDef", "SheetDef", "SlideDef", "SlideOnDef",
+    "SolidDef", "VelocityDef",
+]  # fmt: skip
+
+Integrator = Literal[
+    "explicit_euler", "euler_cromer", "midpoint", "rk2", "verlet", "velocity_verlet", "beeman", "implicit_euler",
+    "rk4", "newmark",
+]  # fmt: skip
+INTEGRATORS: tuple[str, ...] = Integrator.__args__  # type: ignore[attr-defined]
+FORCE_VARIABLES = ("x", "y", "z", "vx", "vy", "vz", "t", "m")
+Located = tuple[tuple[str | int, ...], str]
+
+
+def _type_of(value: Any) -> str | None:
+    kind = value.get("type") if isinstance(value, dict) else getattr(value, "type", None)
+    return f"<{kind}>" if isinstance(kind, str) else None
+
+
+BodyDef = Annotated[
+    Annotated[RopeDef, Tag("<rope>")]
+    | Annotated[NetDef, Tag("<net>")]
+    | Annotated[ClothDef, Tag("<cloth>")]
+    | Annotated[SolidDef, Tag("<solid>")],
+    Discriminator(_type_of),
+]
+ConstraintDef = Annotated[
+    Annotated[NailDef, Tag("<nail>")]
+    | Annotated[PointsToPointDef, Tag("<points_to_point>")]
+    | Annotated[AttachDef, Tag("<attach>")]
+    | Annotated[SlideDef, Tag("<slide>")]
+    | Annotated[VelocityDef, Tag("<velocity>")],
+    Discriminator(_type_of),
+]
+
+
+def _component(value: Any) -> Any:
+    """A number stands for itself in an expression; a text is checked."""
+    if isinstance(value, (int, float, np.number)) and not isinstance(value, bool):
+        return repr(value.item() if isinstance(value, np.number) else value)
+    if isinstance(value, str):
+        compile_expression(value, FORCE_VARIABLES)
+    return value
+
+
+Component = Annotated[Text, BeforeValidator(_component, json_schema_input_type=str | float)]
+
+
+class ForceDef(Definition):
+    """A force field, the force [N] on each point of a body or of all bodies."""
+
+    name: Name = Field(default="force", description="Name, unique among named forces [text].")
+    body: Name | None = Field(default=None, description="Name of the body it acts on, all when left out [text].")
+    expression: Annotated[list[Component], Field(min_length=3, max_length=3)] | None = Field(
+        default=None,
+        description="Force on a point along x, y, z, in x y z [m], vx vy vz [m/s], t [s], m [kg] [N].",
+    )
+    callable: SkipJsonSchema[Callable[..., Any] | None] = Field(
+        default=None, description="Python only: f(x (n, 3), v (n, 3), t, mass (n,)) -> force (n, 3) [N]."
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> ForceDef:
+        exactly_one(self, [("expression",), ("callable",)])
+        return self
+
+
+class SceneDef(Definition):
+    """A whole scene."""
+
+    schema_version: Literal[1] = Field(default=1, description="Version of this format [1].")
+    name: Name = Field(default="scene", description="Name of the scene [text].")
+    up_axis: Literal["Z", "Y"] = Field(default="Z", description="Axis that points up [text].")
+    gravity: Vec3 | None = Field(default=None, description="Gravity; 9.81 down when left out [m/s^2].")
+    dt: Positive = Field(default=1e-3, description="Time step [s].")
+    duration: NonNegative = Field(default=1.0, description="Simulated time [s].")
+    integrator: Integrator = Field(default="verlet", description="Scheme, one for the whole scene [text].")
+    response: Literal["exact", "paper"] = Field(
+        default="exact", description="Exact in position and velocity, or the letter of the paper [text]."
+    )
+    conflicts: Literal["error", "solve"] = Field(
+        default="error", description="What to do when two constraints share a point [text]."
+    )
+    frames_per_second: Positive = Field(default=60.0, description="Frames written to recordings [1/s].")
+    bodies: list[BodyDef] = Field(default_factory=list, description="The bodies [list].")
+    forces: list[ForceDef] = Field(default_factory=list, description="Force fields [list].")
+    constraints: list[ConstraintDef] = Field(default_factory=list, description="The constraints [list].")
+
+    def gravity_vector(self) -> np.ndarray:
+        """Gravity [m/s^2], shape (3,): as given, or 9.81 m/s^2 down."""
+        if self.gravity is not None:
+            return self.gravity
+        return np.array([0.0, 0.0, -9.81] if self.up_axis == "Z" else [0.0, -9.81, 0.0])
+
+    @model_validator(mode="after")
+    def _check_names(self) -> SceneDef:
+        problems = list(name_problems(self))
+        if problems:
+            raise PydanticCustomError("turnbuckle_many", "{text}", {"text": problems[0][1], "problems": problems})
+        return self
+
+
+def name_problems(scene: SceneDef) -> Iterator[Located]:
+    """Names used twice and bodies that do not exist, each with its place."""
+    for kind in ("bodies", "forces", "constraints"):
+        seen: dict[str, int] = {}
+        for i, item in enumerate(getattr(scene, kind)):
+            if kind == "forces" and "name" not in item.model_fields_set:
+                continue
+            if item.name in seen:
+                yield (kind, i, "name"), f"{item.name!r} is already the name of {kind}[{seen[item.name]}]"
+            seen.setdefault(item.name, i)
+    bodies = [body.name for body in scene.bodies]
+    for kind in ("forces", "constraints"):
+        for i, item in enumerate(getattr(scene, kind)):
+            for at, message in reference_problems(item, bodies):
+                yield (kind, i, *at), message
+
+
+def reference_problems(item: Any, bodies: list[str]) -> Iterator[Located]:
+    """Bodies named anywhere inside a force or constraint that the scene does not have, each with its place."""
+    known = set(bodies)
+    stack: list[tuple[tuple[str | int, ...], Any]] = [((), item)]
+    while stack:
+        at, value = stack.pop()
+        if isinstance(value, Definition):
+            for field in type(value).model_fields:
+                inner = getattr(value, field)
+                if field == "body" and isinstance(inner, str):
+                    if inner not in known:
+                        yield (*at, field), f"there is no body {inner!r}{did_you_mean(inner, bodies)}"
+                elif field == "bodies":
+                    for k, name in enumerate(inner):
+                        if name not in known:
+                            yield (*at, field, k), f"there is no body {name!r}{did_you_mean(name, bodies)}"
+                elif isinstance(inner, (Definition, list)):
+                    stack.append(((*at, field), inner))
+        elif isinstance(value, list):
+            stack.extend(((*at, k), inner) for k, inner in enumerate(value) if isinstance(inner, (Definition, list)))

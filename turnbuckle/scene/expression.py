@@ -1,0 +1,3 @@
+"""Expressions of scene files."""
+def compile_expression(text, variables):
+    return None
