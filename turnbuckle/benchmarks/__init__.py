@@ -1,0 +1,1 @@
+"""Measurements, each a function that prints, and writes its table and plot."""
