@@ -13,7 +13,7 @@ TETRAHEDRA = [(0, 1, 2, 3), (1, 2, 3, 4)]
 def two_tetrahedra(rng: np.random.Generator) -> tuple[np.ndarray, list[energies.Element]]:
     rest = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]], dtype=float)
     rest += 0.1 * rng.standard_normal(rest.shape)
-    return rest, energies.solid(rest, TETRAHEDRA, 3.0, 2.0, 5.0, damping_time=0.02)
+    return rest, energies.solid(rest, TETRAHEDRA, (3.0, 2.0, 5.0), (0.06, 0.04, 0.1))
 
 
 def test_a_solid_has_one_energy_an_edge_a_face_and_a_tetrahedron():

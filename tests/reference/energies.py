@@ -116,24 +116,18 @@ def faces_of(tetrahedra: Sequence[Sequence[int]]) -> list[tuple[int, int, int]]:
 def solid(
     rest: np.ndarray,
     tetrahedra: Sequence[Sequence[int]],
-    k_distance: float,
-    k_area: float,
-    k_volume: float,
-    damping_time: float = 0.0,
+    k: tuple[float, float, float],
+    k_d: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> list[Element]:
     """A tetrahedral body at rest in ``rest`` [m], (n, 3): an energy an edge, a face and a tetrahedron.
 
-    ``damping_time`` [s] makes k_d = damping_time * k of every element.
+    ``k`` [J] and ``k_d`` [J s] of distance, area and volume.
     """
-    kinds = (
-        ("distance", edges_of(tetrahedra), k_distance),
-        ("area", faces_of(tetrahedra), k_area),
-        ("volume", [tuple(int(i) for i in t) for t in tetrahedra], k_volume),
-    )
+    points = (edges_of(tetrahedra), faces_of(tetrahedra), [tuple(int(i) for i in t) for t in tetrahedra])
     return [
-        Element(kind, points, float(measure(kind, rest[list(points)])), k, damping_time * k)
-        for kind, all_points, k in kinds
-        for points in all_points
+        Element(kind, p, float(measure(kind, rest[list(p)])), k[which], k_d[which])
+        for which, kind in enumerate(("distance", "area", "volume"))
+        for p in points[which]
     ]
 
 
