@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -14,7 +14,9 @@ from turnbuckle.scene.fields import (
     Cells3,
     Color,
     Count,
+    Integer,
     Lines,
+    MeshPath,
     Name,
     NonNegative,
     Positions,
@@ -22,7 +24,6 @@ from turnbuckle.scene.fields import (
     Size2,
     Size3,
     Tetrahedra,
-    Text,
     Triangles,
     Vec3,
     zeros3,
@@ -71,7 +72,7 @@ class RopeDef(BodyBase):
     type: Literal["rope"] = "rope"
     points: Positions | None = Field(default=None, description="Points in order, shape (n, 3) [m].")
     lines: Lines | None = Field(default=None, description="Edges between `points`, shape (m, 2) [indices].")
-    mesh: Text | None = MESH
+    mesh: MeshPath | None = MESH
     start: Vec3 | None = Field(default=None, description="First end of a straight rope [m].")
     end: Vec3 | None = Field(default=None, description="Other end of a straight rope [m].")
     segments: Count | None = Field(default=None, description="Springs of a straight rope [1].")
@@ -102,7 +103,7 @@ class SheetDef(BodyBase):
 
     size: Size2 | None = Field(default=None, description="Lengths of the grid along x and y [m].")
     cells: Cells2 | None = Field(default=None, description="Cells of the grid along x and y [1].")
-    mesh: Text | None = MESH
+    mesh: MeshPath | None = MESH
     vertices: Positions | None = Field(default=None, description="Points, shape (n, 3) [m].")
     triangles: Triangles | None = Field(default=None, description="Triangles of `vertices`, shape (m, 3) [indices].")
     structural_stiffness: NonNegative = Field(default=1e3, description="Springs along the edges [N/m].")
@@ -156,7 +157,7 @@ class CylinderDef(Definition):
 
     radius: Positive = Field(description="Radius [m].")
     length: Positive = Field(description="Length along z [m].")
-    around: int = Field(default=8, ge=3, le=10_000, strict=True, description="Corners of the cross-section [1].")
+    around: Annotated[Integer, Field(ge=3, le=10_000)] = Field(default=8, description="Corners of the rim [1].")
     along: Count = Field(default=4, description="Layers along z [1].")
 
     @model_validator(mode="after")
@@ -170,14 +171,16 @@ class SolidDef(BodyBase):
     """A tetrahedral solid with the distance, area and volume energies of Teschner et al. 2004 (E = k C^2 / 2)."""
 
     type: Literal["solid"] = "solid"
-    mesh: Text | None = Field(
+    mesh: MeshPath | None = Field(
         default=None, description="Closed surface (tetrahedralised) or tetrahedral mesh, relative to the scene [path]."
     )
     box: BoxDef | None = Field(default=None, description="A box of cells [m].")
     cylinder: CylinderDef | None = Field(default=None, description="A solid cylinder [m].")
     vertices: Positions | None = Field(default=None, description="Points, shape (n, 3) [m].")
     tetrahedra: Tetrahedra | None = Field(default=None, description="Tetrahedra of `vertices`, (m, 4) [indices].")
-    surface: Text | None = Field(default=None, description="Finer triangle surface that moves with the solid [path].")
+    surface: MeshPath | None = Field(
+        default=None, description="Finer triangle surface that moves with the solid [path]."
+    )
     edge_length: Positive | None = Field(default=None, description="Wanted edge length of the tetrahedra [m].")
     density: Positive | None = Field(default=None, description="Mass per volume [kg/m^3], 1000 when no mass is given.")
     mass: Positive | None = Field(default=None, description="Mass of the whole solid [kg].")

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import numbers
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BeforeValidator, Field, ValidationInfo
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 from pydantic_core import PydanticCustomError, core_schema
 
 COUNT_LIMIT = 10_000_000  # largest count a scene may ask for in one number: guards against typing errors, not memory
@@ -70,7 +71,33 @@ def _flag(value: Any) -> bool:
 def _text(value: Any) -> str:
     if not isinstance(value, str):
         raise _fail(f"expected text, got {describe(value)}")
+    try:
+        value.encode()
+    except UnicodeEncodeError:
+        raise _fail("expected text, got characters that UTF-8 cannot hold") from None
+    if "\0" in value:
+        raise _fail("expected text, got a zero character in it")
     return str(value)
+
+
+def _mesh_path(value: Any) -> Any:
+    return str(value) if isinstance(value, Path) else value
+
+
+def _mesh_exists(value: str, info: ValidationInfo) -> str:
+    """A mesh must be there when the scene is read; without a `folder` in the context nothing is looked up."""
+    folder = (info.context or {}).get("folder")
+    if folder is not None:
+        path = Path(folder) / value
+        try:
+            found, is_folder = path.is_file(), path.is_dir()
+        except (OSError, ValueError):
+            found, is_folder = False, False
+        if not found:
+            raise _fail(
+                f"{str(path)!r} is a folder, not a mesh file" if is_folder else f"there is no file {str(path)!r}"
+            )
+    return value
 
 
 Number = Annotated[float, BeforeValidator(_number)]
@@ -82,6 +109,7 @@ Count = Annotated[Integer, Field(ge=1, le=COUNT_LIMIT)]
 Index = Annotated[Integer, Field(ge=0, le=_INT32_MAX)]
 Flag = Annotated[bool, BeforeValidator(_flag)]
 Text = Annotated[str, BeforeValidator(_text), Field(min_length=1, max_length=1000)]
+MeshPath = Annotated[Text, BeforeValidator(_mesh_path), AfterValidator(_mesh_exists)]
 Name = Annotated[str, BeforeValidator(_text), Field(min_length=1, max_length=200, pattern=r"^\w[\w.\-]*$")]
 
 

@@ -1,0 +1,125 @@
+"""Where constraints aim at a time t: fixed, keyframed, or a Python callable."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from turnbuckle.data.errors import InputError, StepError
+from turnbuckle.scene.definitions import KeyframesDef
+
+
+class Goal(ABC):
+    """The goal of n points. `value(t)` is a position [m] for a nail, a velocity [m/s] for a velocity constraint."""
+
+    moves: bool = True  # False: the same value for ever
+
+    @abstractmethod
+    def value(self, t: float) -> np.ndarray:
+        """Goal at time t [s], float64, shape (n, 3). Not to be written to."""
+
+    def position(self, t: float) -> np.ndarray:
+        """Goal position at time t [s], shape (n, 3) [m]."""
+        return self.value(t)
+
+    def velocity(self, t: float) -> np.ndarray:
+        """Goal velocity at time t [s] of a velocity constraint, shape (n, 3) [m/s]."""
+        return self.value(t)
+
+
+@dataclass(frozen=True)
+class FixedGoal(Goal):
+    """Always the same."""
+
+    values: np.ndarray  # (n, 3)
+    moves = False
+
+    def value(self, t: float) -> np.ndarray:
+        return self.values
+
+
+@dataclass(frozen=True)
+class KeyframedGoal(Goal):
+    """Values at times, held before the first and after the last.
+
+    `smooth` replaces the fraction s between two keys by s^2 (3 - 2 s), whose slope is zero at both.
+    """
+
+    times: np.ndarray  # (k,), increasing [s]
+    values: np.ndarray  # (k, n, 3)
+    smooth: bool
+
+    def value(self, t: float) -> np.ndarray:
+        times, values = self.times, self.values
+        if t <= times[0]:
+            return values[0]
+        if t >= times[-1]:
+            return values[-1]
+        i = int(np.searchsorted(times, t, side="right")) - 1
+        s = (t - times[i]) / (times[i + 1] - times[i])
+        if self.smooth:
+            s = s * s * (3.0 - 2.0 * s)
+        # This form is exact at s = 0, and monotone; values[i] + s * (difference) may miss the next key by a rounding,
+        # but the next key itself is returned by the interval that starts there.
+        return values[i] + s * (values[i + 1] - values[i])
+
+
+@dataclass(frozen=True)
+class CallableGoal(Goal):
+    """What a Python callable t -> (3,) or (n, 3) returns, checked each time."""
+
+    function: Callable[[float], Any]
+    count: int
+    name: str
+
+    def value(self, t: float) -> np.ndarray:
+        try:
+            result = np.asarray(self.function(float(t)), dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"constraint {self.name!r}: its goal failed at t = {t:g} s ({error})") from error
+        if result.shape not in ((3,), (self.count, 3)):
+            shapes = f"(3,) or ({self.count}, 3)"
+            raise InputError(f"constraint {self.name!r}: its goal must return shape {shapes}, got {result.shape}")
+        if not np.isfinite(result).all():
+            raise StepError(f"constraint {self.name!r}: its goal is not finite at t = {t:g} s")
+        return np.broadcast_to(result, (self.count, 3)).copy()
+
+
+def nail_goal(goal: Any, start: np.ndarray, name: str) -> Goal:
+    """The goal of a nail. `start`: where its points are at the start [m], shape (n, 3). `name`: the constraint's.
+
+    Raises `InputError` where the shape of the goal does not fit n points.
+    """
+    if goal is None:
+        return FixedGoal(np.array(start, dtype=np.float64))
+    if isinstance(goal, KeyframesDef) and goal.offsets is not None:
+        values = np.asarray(start)[None, :, :] + goal.offsets[:, None, :]
+        return KeyframedGoal(goal.times, values, goal.interpolation == "smooth")
+    return _goal(goal, len(start), name, "positions")
+
+
+def velocity_goal(goal: Any, count: int, name: str) -> Goal:
+    """The goal of a velocity constraint on `count` points; as `nail_goal`, values in m/s."""
+    return _goal(goal, count, name, "velocities")
+
+
+def _goal(goal: Any, count: int, name: str, field: str) -> Goal:
+    if isinstance(goal, KeyframesDef):
+        values = np.asarray(getattr(goal, field))
+        values = values[:, None, :] if values.ndim == 2 else values
+        if values.shape[1] not in (1, count):
+            raise InputError(
+                f"constraint {name!r}: goal.{field} has {values.shape[1]} places a key, but {count} points are selected"
+            )
+        values = np.broadcast_to(values, (len(values), count, 3)).copy()
+        return KeyframedGoal(goal.times, values, goal.interpolation == "smooth")
+    if callable(goal):
+        return CallableGoal(goal, count, name)
+    fixed = np.atleast_2d(goal)
+    if fixed.shape not in ((1, 3), (count, 3)):
+        raise InputError(f"constraint {name!r}: goal has shape {np.shape(goal)}, but {count} points are selected")
+    return FixedGoal(np.broadcast_to(fixed, (count, 3)).copy())
