@@ -16,9 +16,7 @@ INSIDE = -1e-10  # smallest weight of a point that counts as inside
 _CHUNK = 4096  # points a query, which bounds the memory for candidates
 
 
-def embed(
-    surface_vertices: np.ndarray, vertices: np.ndarray, tetrahedra: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def embed(surface_vertices: np.ndarray, vertices: np.ndarray, tetrahedra: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Weights that carry each surface vertex along with a tetrahedron.
 
     Takes surface vertices [m] (n, 3), vertices [m] (p, 3) and tetrahedra (m, 4) of non-zero volume. Returns points

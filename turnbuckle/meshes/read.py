@@ -77,7 +77,9 @@ def read_mesh(path: str | Path) -> SurfaceMesh | TetMesh | LineMesh:
         raise
     except (Exception, SystemExit) as error:
         reason = " ".join(str(error).split())[:120] or type(error).__name__
-        raise InputError(f"mesh {path}: cannot be read as {suffix} ({reason}); is it whole and of that format?") from None
+        raise InputError(
+            f"mesh {path}: cannot be read as {suffix} ({reason}); is it whole and of that format?"
+        ) from None
     return _checked(path, mesh)
 
 

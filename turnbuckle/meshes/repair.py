@@ -230,7 +230,9 @@ def _arrays(vertices: np.ndarray, cells: np.ndarray, corners: int, what: str) ->
     if vertices.ndim != 2 or vertices.shape[1] != 3:
         raise InputError(f"{what}: the vertices have shape {vertices.shape}; (n, 3) is needed")
     if cells.ndim != 2 or cells.shape[1] != corners or not np.issubdtype(cells.dtype, np.integer):
-        raise InputError(f"{what}: have shape {cells.shape} and type {cells.dtype}; ({'m'}, {corners}) integers are needed")
+        raise InputError(
+            f"{what}: have shape {cells.shape} and type {cells.dtype}; ({'m'}, {corners}) integers are needed"
+        )
     if not len(cells):
         raise InputError(f"{what}: there are none")
     bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
@@ -239,7 +241,9 @@ def _arrays(vertices: np.ndarray, cells: np.ndarray, corners: int, what: str) ->
     low, high = int(cells.min()), int(cells.max())
     if low < 0 or high >= len(vertices):
         row = int(np.argmax(((cells < 0) | (cells >= len(vertices))).any(axis=1)))
-        raise InputError(f"{what}: element {row} names a vertex out of the range 0..{len(vertices) - 1}; repair the mesh")
+        raise InputError(
+            f"{what}: element {row} names a vertex out of the range 0..{len(vertices) - 1}; repair the mesh"
+        )
     return vertices, cells.astype(np.int32)
 
 

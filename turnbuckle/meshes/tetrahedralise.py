@@ -18,7 +18,9 @@ from turnbuckle.meshes.repair import check_surface, repair_tetrahedra
 
 # Lengths relative to the diagonal of the bounding box, where the user gives none.
 EDGE_LENGTH = 0.06
-EPSILON = 2e-3
+# Relative to the edge length. The time goes into keeping to the envelope, and the user's own surface is tied to the
+# tetrahedra with weights, so the envelope may be as wide as the elements can follow anyway.
+EPSILON = 0.125
 # The conformal energy (3 for a regular element) at which fTetWild stops: the library's own 10 asks for a quality
 # that takes several times as long and that mass-spring elements do not need.
 STOP_ENERGY = 20.0
@@ -31,16 +33,17 @@ def tetrahedralise(
     """Fill a closed surface with tetrahedra of positive volume.
 
     ``edge_length`` [m] is the size of the elements to aim for (default 6 % of the bounding box's diagonal),
-    ``epsilon`` [m] how far the new surface may lie from the old one (default 0.2 % of the diagonal). Returns vertices
-    [m] (n, 3) float64 and tetrahedra (m, 4) int32; the surface's own vertices are not kept. The result is stored
-    under `cache_folder` and found again by the content. Raises InputError for a surface that is not closed, lengths
+    ``epsilon`` [m] how far the new surface may lie from the old one (default an eighth of the edge length; give less
+    where parts are thinner than that). Returns vertices [m] (n, 3) float64 and tetrahedra (m, 4) int32; the surface's
+    own vertices are not kept. The result is stored under `cache_folder` and found again by the content: the library
+    gives other tetrahedra on every run, even on one thread, so without the stored ones runs differ. Raises InputError for a surface that is not closed, lengths
     that are not positive, and where pytetwild is not installed.
     """
     vertices, triangles, _ = check_surface(vertices, triangles)
     used = np.unique(triangles)
     diagonal = float(np.linalg.norm(np.ptp(vertices[used], axis=0)))
     edge = _length("edge_length", edge_length, EDGE_LENGTH * diagonal)
-    envelope = _length("epsilon", epsilon, EPSILON * diagonal)
+    envelope = _length("epsilon", epsilon, EPSILON * edge)
     key = hashlib.sha256(repr((_FORMAT, STOP_ENERGY, edge, envelope)).encode())
     key.update(np.ascontiguousarray(vertices).tobytes())
     key.update(np.ascontiguousarray(triangles).tobytes())

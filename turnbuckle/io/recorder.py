@@ -1,0 +1,109 @@
+"""What every recorder can do, and the choice of one by the suffix of the file."""
+
+from abc import ABC, abstractmethod
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from turnbuckle.data.errors import InputError
+from turnbuckle.data.shape import Shape
+
+SUFFIXES = (".npz", ".vtkhdf", ".usdc", ".usda", ".usd")
+
+
+class Recorder(ABC):
+    """Takes the frames of a run one by one. Use it in a ``with`` statement or call `close`.
+
+    Memory does not grow with the number of frames, and after a kill everything up to the last `flush` can be read.
+    """
+
+    @abstractmethod
+    def write(self, time: float, x: np.ndarray, v: np.ndarray) -> None:
+        """Add a frame: time [s], positions ``x`` [m] and velocities ``v`` [m/s] of all points, (points, 3).
+
+        Raises InputError when the arrays change their shape between frames or the disk refuses.
+        """
+
+    @abstractmethod
+    def flush(self) -> None:
+        """Put all frames written so far where a kill cannot reach them."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Finish the file; may be called again."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def open_recorder(
+    path: str | Path,
+    shapes: list[Shape],
+    *,
+    up_axis: str,
+    frames_per_second: float,
+    info: dict[str, Any] | None = None,
+) -> Recorder:
+    """Start a recording of the bodies ``shapes``; the suffix of ``path`` (one of `SUFFIXES`) chooses the format.
+
+    ``up_axis`` is "Y" or "Z", ``frames_per_second`` [1/s] how fast frames are meant to be shown, ``info`` anything that
+    JSON can hold. A file already there is replaced. Raises InputError, before anything has run, for an unknown suffix,
+    a folder that does not exist or a place that cannot be written to.
+    """
+    path = check_target(path, SUFFIXES)
+    if up_axis not in ("Y", "Z"):
+        raise InputError(f"recording {path}: up_axis is '{up_axis}'; use 'Y' or 'Z'")
+    if not (np.isfinite(frames_per_second) and frames_per_second > 0):
+        raise InputError(f"recording {path}: frames_per_second is {frames_per_second}; give a positive number")
+    suffix = path.suffix.lower()
+    facts = {**(info or {}), "up_axis": up_axis, "frames_per_second": float(frames_per_second)}
+    # Each format's library takes a while to import, and a run needs one of them.
+    try:
+        if suffix == ".npz":
+            from turnbuckle.io.npz import NpzRecorder
+
+            return NpzRecorder(path, shapes, facts)
+        if suffix == ".vtkhdf":
+            from turnbuckle.io.vtkhdf import VtkHdfRecorder
+
+            return VtkHdfRecorder(path, shapes, facts)
+        from turnbuckle.io.usd import UsdRecorder
+
+        return UsdRecorder(path, shapes, facts)
+    except OSError as error:
+        raise InputError(f"recording {path}: cannot be written ({reason(error)}); choose another place") from None
+
+
+def check_target(path: str | Path, suffixes: tuple[str, ...]) -> Path:
+    """The path, if a file of a known suffix can be put there. Raises InputError otherwise."""
+    path = Path(path)
+    if path.suffix.lower() not in suffixes:
+        raise InputError(f"recording {path}: the suffix '{path.suffix}' is not known; use one of {', '.join(suffixes)}")
+    if not path.parent.is_dir():
+        raise InputError(f"recording {path}: there is no folder {path.parent}; make it first")
+    if path.is_dir():
+        raise InputError(f"recording {path}: is a folder; give the name of a file")
+    return path
+
+
+def check_frame(path: Path, x: np.ndarray, v: np.ndarray, points: int | None) -> tuple[np.ndarray, np.ndarray]:
+    """Both arrays as contiguous float64 of shape (points, 3). Raises InputError for another shape."""
+    x, v = np.ascontiguousarray(x, dtype=np.float64), np.ascontiguousarray(v, dtype=np.float64)
+    wanted = (len(x) if points is None else points, 3)
+    if x.shape != wanted or v.shape != wanted:
+        raise InputError(f"recording {path}: a frame has x of shape {x.shape} and v of {v.shape}; {wanted} is needed")
+    return x, v
+
+
+def reason(error: BaseException) -> str:
+    """The library's words for what went wrong, on one line."""
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror
+    return " ".join(str(error).split())[:160] or type(error).__name__
