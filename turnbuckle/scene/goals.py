@@ -12,6 +12,8 @@ import numpy as np
 from turnbuckle.data.errors import InputError, StepError
 from turnbuckle.scene.definitions import KeyframesDef
 
+DIFFERENCE = 1e-3  # step of the differences of a callable goal [s]
+
 
 class Goal(ABC):
     """The goal of n points. `value(t)` is a position [m] for a nail, a velocity [m/s] for a velocity constraint."""
@@ -21,6 +23,14 @@ class Goal(ABC):
     @abstractmethod
     def value(self, t: float) -> np.ndarray:
         """Goal at time t [s], float64, shape (n, 3). Not to be written to."""
+
+    def rate(self, t: float) -> np.ndarray:
+        """Time derivative of `value` at t, coming from earlier times, shape (n, 3); exact unless a callable."""
+        return np.zeros_like(self.value(t))
+
+    def acceleration(self, t: float) -> np.ndarray:
+        """Second time derivative of `value` at t, coming from earlier times, shape (n, 3); exact unless a callable."""
+        return np.zeros_like(self.value(t))
 
     def position(self, t: float) -> np.ndarray:
         """Goal position at time t [s], shape (n, 3) [m]."""
@@ -67,6 +77,25 @@ class KeyframedGoal(Goal):
         # but the next key itself is returned by the interval that starts there.
         return values[i] + s * (values[i + 1] - values[i])
 
+    def rate(self, t: float) -> np.ndarray:
+        i, s, span = self._interval(t)
+        slope = (6.0 * s * (1.0 - s) if self.smooth else 1.0) / span
+        return slope * (self.values[i + 1] - self.values[i]) if span < np.inf else np.zeros_like(self.values[0])
+
+    def acceleration(self, t: float) -> np.ndarray:
+        i, s, span = self._interval(t)
+        if not self.smooth or span == np.inf:
+            return np.zeros_like(self.values[0])
+        return (6.0 - 12.0 * s) / span**2 * (self.values[i + 1] - self.values[i])
+
+    def _interval(self, t: float) -> tuple[int, float, float]:
+        """Interval (times[i], times[i + 1]] that holds t, the fraction of it, its length; infinite length outside."""
+        if t <= self.times[0] or t > self.times[-1]:
+            return 0, 0.0, np.inf
+        i = int(np.searchsorted(self.times, t, side="left")) - 1
+        span = float(self.times[i + 1] - self.times[i])
+        return i, (t - float(self.times[i])) / span, span
+
 
 @dataclass(frozen=True)
 class CallableGoal(Goal):
@@ -87,6 +116,17 @@ class CallableGoal(Goal):
         if not np.isfinite(result).all():
             raise StepError(f"constraint {self.name!r}: its goal is not finite at t = {t:g} s")
         return np.broadcast_to(result, (self.count, 3)).copy()
+
+    def rate(self, t: float) -> np.ndarray:
+        # Central differences of fourth order; the step balances truncation against rounding.
+        d = DIFFERENCE
+        near, far = self.value(t + d) - self.value(t - d), self.value(t + 2 * d) - self.value(t - 2 * d)
+        return (8.0 * near - far) / (12.0 * d)
+
+    def acceleration(self, t: float) -> np.ndarray:
+        d = DIFFERENCE
+        near, far = self.value(t + d) + self.value(t - d), self.value(t + 2 * d) + self.value(t - 2 * d)
+        return (16.0 * near - far - 30.0 * self.value(t)) / (12.0 * d * d)
 
 
 def nail_goal(goal: Any, start: np.ndarray, name: str) -> Goal:

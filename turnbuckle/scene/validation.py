@@ -24,16 +24,15 @@ Problem = tuple[Place, str]
 D = TypeVar("D", bound=Definition)
 
 
-def validate(kind: type[D], data: Mapping[str, Any], where: str = "", context: dict[str, Any] | None = None) -> D:
-    """A definition of `kind` made of `data`; `InputError` with one line a problem, `where` before each place."""
+def validate(kind: type[D], data: Mapping[str, Any], label: str = "", context: dict[str, Any] | None = None) -> D:
+    """A definition of `kind` made of `data`. Raises `InputError`, one line a problem: `label, place: what is wrong`."""
     try:
         return kind.model_validate(dict(data), context=context)
     except ValidationError as error:
-        raise InputError(
-            report([(f"{where}{place_text(at, not where)}", text) for at, text in problems(error, kind, data)])
-        ) from None
+        found = [(", ".join(filter(None, (label, place_text(at)))), text) for at, text in problems(error, kind, data)]
+        raise InputError(report(found)) from None
     except RecursionError:
-        raise InputError(f"{where or 'the scene'}: nested too deeply") from None
+        raise InputError(f"{label or 'the scene'}: nested too deeply") from None
 
 
 def report(lines: list[tuple[str, str]]) -> str:
@@ -44,12 +43,12 @@ def report(lines: list[tuple[str, str]]) -> str:
     return "\n".join(texts)
 
 
-def place_text(place: Place, first: bool = True) -> str:
-    """`bodies[0].density`; with a leading dot where it continues another text."""
+def place_text(place: Place) -> str:
+    """A place in words, such as `bodies[0].density`."""
     text = ""
     for part in place:
         text += f"[{part}]" if isinstance(part, int) else f".{part}"
-    return text.removeprefix(".") if first else text
+    return text.removeprefix(".")
 
 
 def problems(error: ValidationError, kind: type[Definition], data: Any) -> list[Problem]:

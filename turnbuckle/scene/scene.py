@@ -1,0 +1,131 @@
+"""`Scene`: what a user of the library writes. Every call validates at once and says which field is wrong."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+from turnbuckle.data.errors import InputError
+from turnbuckle.scene.definitions import (
+    AttachDef,
+    ClothDef,
+    ConstraintBase,
+    ForceDef,
+    NailDef,
+    NetDef,
+    PointsToPointDef,
+    RopeDef,
+    SceneDef,
+    SlideDef,
+    SolidDef,
+    VelocityDef,
+    reference_problems,
+)
+from turnbuckle.scene.overrides import override
+from turnbuckle.scene.suggestion import did_you_mean
+from turnbuckle.scene.validation import D, place_text, report, validate
+from turnbuckle.scene.yaml_file import definition_text, parse_definition, read_definition, write_definition
+
+CONSTRAINTS: dict[str, type[ConstraintBase]] = {
+    "nail": NailDef,
+    "points_to_point": PointsToPointDef,
+    "attach": AttachDef,
+    "slide": SlideDef,
+    "velocity": VelocityDef,
+}
+
+
+class Scene:
+    """A scene that grows by `add_` calls. `definition` is the validated data, `folder` what meshes are relative to."""
+
+    def __init__(self, name: str = "scene", *, folder: str | os.PathLike[str] | None = None, **fields: Any) -> None:
+        """A new scene. `fields` are those of `SceneDef`: dt [s], duration [s], integrator, gravity [m/s^2], ...
+
+        `folder`: where relative paths of meshes start, the working directory when left out.
+        Raises `InputError` for a wrong or unknown field.
+        """
+        self.folder = Path(folder) if folder is not None else Path()
+        self.definition: SceneDef = validate(SceneDef, {"name": name, **fields}, "", {"folder": self.folder})
+
+    @classmethod
+    def from_definition(cls, definition: SceneDef, folder: str | os.PathLike[str] | None = None) -> Scene:
+        """A scene around a definition that is already validated."""
+        scene = cls(folder=folder)
+        scene.definition = definition
+        return scene
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Scene:
+        """Read a scene file. Raises `InputError` with file, line and field of each problem."""
+        return cls.from_definition(read_definition(path), Path(path).parent)
+
+    @classmethod
+    def loads(cls, text: str, folder: str | os.PathLike[str] | None = None) -> Scene:
+        """Read a scene from YAML text; meshes are relative to `folder`, the working directory when left out."""
+        folder = Path(folder) if folder is not None else Path()
+        return cls.from_definition(parse_definition(text, folder), folder)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write a scene file that reads back the same bit for bit; long arrays go into a `.arrays.npz` beside it.
+
+        Raises `InputError` that names any force or constraint with a Python callable.
+        """
+        write_definition(self.definition, self.folder, path)
+
+    def to_yaml(self) -> str:
+        """The scene as YAML text, arrays inside. Raises `InputError` where there is a Python callable."""
+        return definition_text(self.definition)
+
+    @property
+    def name(self) -> str:
+        """Name of the scene."""
+        return self.definition.name
+
+    def add_rope(self, name: str, **fields: Any) -> str:
+        """Add a rope (fields of `RopeDef`); returns its name."""
+        return self._add("bodies", RopeDef, "rope", name, fields)
+
+    def add_net(self, name: str, **fields: Any) -> str:
+        """Add a net (fields of `NetDef`); returns its name."""
+        return self._add("bodies", NetDef, "net", name, fields)
+
+    def add_cloth(self, name: str, **fields: Any) -> str:
+        """Add a cloth (fields of `ClothDef`); returns its name."""
+        return self._add("bodies", ClothDef, "cloth", name, fields)
+
+    def add_solid(self, name: str, **fields: Any) -> str:
+        """Add a tetrahedral solid (fields of `SolidDef`); returns its name."""
+        return self._add("bodies", SolidDef, "solid", name, fields)
+
+    def add_force(self, name: str, **fields: Any) -> str:
+        """Add a force field (fields of `ForceDef`: body, and expression or callable); returns its name."""
+        return self._add("forces", ForceDef, "force", name, fields)
+
+    def add_constraint(self, type: str, name: str, **fields: Any) -> str:
+        """Add a constraint: "nail", "points_to_point", "attach", "slide" or "velocity"; returns its name.
+
+        `fields` are those of its definition (`NailDef`, `PointsToPointDef`, `AttachDef`, `SlideDef`, `VelocityDef`).
+        """
+        if type not in CONSTRAINTS:
+            raise InputError(f"constraint {name!r}: unknown type {type!r}{did_you_mean(type, CONSTRAINTS)}")
+        return self._add("constraints", CONSTRAINTS[type], type, name, fields)
+
+    def _add(self, kind: str, definition: type[D], label: str, name: str, fields: dict[str, Any]) -> str:
+        where = f"{label} {name!r}"
+        item = validate(definition, {"name": name, **fields}, where, {"folder": self.folder})
+        items = getattr(self.definition, kind)
+        if any(other.name == name for other in items):
+            raise InputError(f"{where}, name: there is already one of this name among {kind}")
+        unknown = list(reference_problems(item, [body.name for body in self.definition.bodies]))
+        if unknown:
+            raise InputError(report([(f"{where}, {place_text(at)}", text) for at, text in unknown]))
+        items.append(item)
+        return name
+
+    def apply_set(self, assignment: str) -> None:
+        """Change one field: `dt=1e-3`, `bodies[0].density=3`, or by name `bodies.rope.density=3`.
+
+        The value is YAML. Raises `InputError` that names the field; the scene is then unchanged.
+        """
+        self.definition = override(self.definition, assignment, {"folder": self.folder})

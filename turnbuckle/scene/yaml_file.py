@@ -1,0 +1,154 @@
+"""Scene files: YAML to a validated definition and back, bit for bit. Every error says file, line and field.
+
+Nothing in a file is executed: no tags, expressions through `expression.py`, arrays without pickles. Meshes and array
+files are relative to the scene file.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from turnbuckle.data.errors import InputError
+from turnbuckle.scene.array_files import ArrayFiles
+from turnbuckle.scene.definitions import SceneDef
+from turnbuckle.scene.validation import given_data, place_text, problems, report
+from turnbuckle.scene.yaml_nodes import Node, YamlError, line_of, parse_yaml, plain
+from turnbuckle.scene.yaml_writer import write_yaml
+
+LONG_ARRAY = 50  # rows; longer arrays of a saved scene go into a file beside it
+MESH_FIELDS = ("mesh", "surface")
+
+
+def read_definition(path: str | os.PathLike[str]) -> SceneDef:
+    """The definition in a scene file. Raises `InputError`, one line a problem: `file:line: field: what is wrong`."""
+    path = Path(path)
+    shown = str(path)
+    try:
+        if path.is_dir():
+            raise InputError(f"{shown}: is a folder, name the scene file in it")
+        data = path.read_bytes()
+    except FileNotFoundError:
+        raise InputError(f"{shown}: there is no such file") from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"{shown}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise InputError(f"{shown}:{line}: not a text file in UTF-8 (byte {error.start})") from None
+    return parse_definition(text, path.parent, shown)
+
+
+def parse_definition(text: str, folder: Path, shown: str = "<text>") -> SceneDef:
+    """The definition in a text; meshes and array files are relative to `folder`, `shown` names the text in errors."""
+    try:
+        root = parse_yaml(text)
+    except YamlError as error:
+        raise InputError(f"{shown}:{error.line}: {error}") from None
+    if root is None or root.value is None:
+        raise InputError(f"{shown}:1: the file holds no scene; start with 'bodies:'")
+    if not isinstance(root.value, dict):
+        raise InputError(f"{shown}:{root.line}: expected the fields of a scene, such as 'bodies:'")
+    data = plain(root)
+    context = {"folder": folder, "load_array": ArrayFiles(folder).load}
+    try:
+        return SceneDef.model_validate(data, context=context)
+    except ValidationError as error:
+        raise InputError(_with_lines(problems(error, SceneDef, data), root, shown)) from None
+    except RecursionError:
+        raise InputError(f"{shown}:1: nested too deeply") from None
+
+
+def _with_lines(found: list[tuple[tuple[str | int, ...], str]], root: Node, shown: str) -> str:
+    located = sorted(((line_of(root, place), place_text(place), text) for place, text in found), key=lambda p: p[0])
+    return report([(f"{shown}:{line}: {place}" if place else f"{shown}:{line}", text) for line, place, text in located])
+
+
+def write_definition(definition: SceneDef, folder: Path, path: str | os.PathLike[str]) -> None:
+    """Write a scene file. Arrays of more than `LONG_ARRAY` rows go into `NAME.arrays.npz` beside it.
+
+    `folder` is what the meshes of the definition are relative to; their paths are rewritten for the new place. Raises
+    `InputError` for callables, which a file cannot hold, and where the file cannot be written.
+    """
+    path = Path(path)
+    refuse_callables(definition)
+    arrays: dict[str, np.ndarray] = {}
+    beside = path.with_name(path.stem + ".arrays.npz")
+    data = _file_data(definition, folder, path.parent, beside.name, arrays)
+    try:
+        if arrays:
+            _replace(beside, lambda file: np.savez(file, **arrays))  # type: ignore[arg-type]
+        _replace(path, lambda file: file.write(write_yaml(data).encode("utf-8")))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
+
+
+def _replace(path: Path, write: Any) -> None:
+    """Write beside and rename, so that a file is never half written."""
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        with open(part, "wb") as file:
+            write(file)
+        os.replace(part, path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def definition_text(definition: SceneDef) -> str:
+    """The YAML text of a definition, all arrays inside. Raises `InputError` for callables."""
+    refuse_callables(definition)
+    return write_yaml(_file_data(definition, Path(), Path(), "", None))
+
+
+def refuse_callables(definition: SceneDef) -> None:
+    """Raise `InputError` that names each force and constraint with a Python callable in it."""
+    found = []
+    for force in definition.forces:
+        if force.callable is not None:
+            found.append(f"the force {force.name!r} is a Python callable; give an expression")
+    for constraint in definition.constraints:
+        if callable(getattr(constraint, "goal", None)):
+            found.append(f"the goal of the constraint {constraint.name!r} is a Python callable; give keyframes")
+    if found:
+        raise InputError("a scene file cannot hold callables: " + ", and ".join(found))
+
+
+def _file_data(
+    definition: SceneDef, old: Path, new: Path, beside: str, arrays: dict[str, np.ndarray] | None
+) -> dict[str, Any]:
+    """What goes into the file: fields that were given, paths rewritten, long arrays replaced by their place."""
+    data = {"schema_version": definition.schema_version, **given_data(definition)}
+    for body in data.get("bodies", ()):
+        for field in MESH_FIELDS:
+            if field in body and not os.path.isabs(body[field]) and old.resolve() != new.resolve():
+                body[field] = Path(os.path.relpath(old.resolve() / body[field], new.resolve())).as_posix()
+    for kind in ("bodies", "forces", "constraints"):
+        items = data.get(kind, [])
+        for i, item in enumerate(items):
+            ordered = {key: item[key] for key in ("type", "name") if key in item} | item
+            items[i] = ordered if arrays is None else _shorten(ordered, f"{kind}.{item.get('name', i)}", beside, arrays)
+    return data
+
+
+def _shorten(value: Any, key: str, beside: str, arrays: dict[str, np.ndarray]) -> Any:
+    if isinstance(value, np.ndarray) and len(value) > LONG_ARRAY:
+        arrays[key] = value
+        return f"{beside}#{key}"
+    if isinstance(value, dict):
+        return {name: _shorten(inner, f"{key}.{name}", beside, arrays) for name, inner in value.items()}
+    if isinstance(value, list):
+        return [_shorten(inner, f"{key}.{i}", beside, arrays) for i, inner in enumerate(value)]
+    return value
+
+
+def json_schema() -> dict[str, Any]:
+    """JSON Schema (draft 2020-12) of a scene file, for editors that complete and check YAML."""
+    schema = SceneDef.model_json_schema()
+    schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
+    schema["title"] = "Turnbuckle scene"
+    return schema
