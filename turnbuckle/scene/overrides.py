@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from turnbuckle.data.errors import InputError
 from turnbuckle.scene.array_files import ArrayFiles
-from turnbuckle.scene.definitions import SceneDef
+from turnbuckle.scene.definitions import PointsDef, SceneDef
 from turnbuckle.scene.suggestion import did_you_mean
 from turnbuckle.scene.validation import given_data, place_text, problems, report
 from turnbuckle.scene.yaml_nodes import YamlError, parse_yaml, plain
@@ -52,6 +52,9 @@ def _assign(data: dict[str, Any], path: str, value: Any, assignment: str) -> tup
     node: Any = data
     rest = path
     while True:
+        if isinstance(node, list) and len(node) == 1 and isinstance(node[0], dict) and _is_field(rest):
+            place.append(0)  # `points` is a list of one selection, but may be written as that selection
+            node = node[0]
         key, rest = _next_part(node, rest, assignment)
         place.append(key)
         if not rest:
@@ -66,6 +69,12 @@ def _assign(data: dict[str, Any], path: str, value: Any, assignment: str) -> tup
             raise InputError(f"--set {assignment}: {place_text(tuple(place))} has no parts")
         node[key] = inner
         node = inner
+
+
+def _is_field(rest: str) -> bool:
+    """Whether the path goes on with the name of a field of a selection of points."""
+    match = _PART.match(rest)
+    return match is not None and match.group(1) in PointsDef.model_fields
 
 
 def _next_part(node: Any, rest: str, assignment: str) -> tuple[str | int, str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +55,12 @@ class Scene:
         scene = cls(folder=folder)
         scene.definition = definition
         return scene
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any], folder: str | os.PathLike[str] | None = None) -> Scene:
+        """A scene from nested dicts as in a scene file (arrays and callables allowed). Raises `InputError`."""
+        folder = Path(folder) if folder is not None else Path()
+        return cls.from_definition(validate(SceneDef, data, "", {"folder": folder}), folder)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Scene:

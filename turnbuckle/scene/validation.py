@@ -131,7 +131,10 @@ def _explain(item: Any, kind: type[Definition]) -> Iterator[Problem]:
         options = re.findall(r"'([^']*)'", context["expected"]) or [context["expected"]]
         near = did_you_mean(value, options) if isinstance(value, str) else ""
         near = near if near.startswith(", did") else ""
-        yield at, f"expected {' or '.join(options)}, got {describe(value)}{near}"
+        yield (
+            at,
+            f"expected {', '.join(options[:-1])}{' or ' * (len(options) > 1)}{options[-1]}, got {describe(value)}{near}",
+        )
     elif what in _BOUNDS:
         key, words = _BOUNDS[what]
         yield at, f"expected a number {words} {context[key]:g}, got {describe(value)}"

@@ -131,8 +131,18 @@ def _file_data(
         items = data.get(kind, [])
         for i, item in enumerate(items):
             ordered = {key: item[key] for key in ("type", "name") if key in item} | item
+            ordered = _single(ordered)
             items[i] = ordered if arrays is None else _shorten(ordered, f"{kind}.{item.get('name', i)}", beside, arrays)
     return data
+
+
+def _single(value: Any, name: str = "") -> Any:
+    """`points: {...}` instead of a list of one selection."""
+    if isinstance(value, dict):
+        return {key: _single(inner, key) for key, inner in value.items()}
+    if name in ("points", "join") and isinstance(value, list) and len(value) == 1 and isinstance(value[0], dict):
+        return value[0]
+    return value
 
 
 def _shorten(value: Any, key: str, beside: str, arrays: dict[str, np.ndarray]) -> Any:

@@ -1,0 +1,22 @@
+"""`turnbuckle bench`: how fast this machine is, beside the paper and other libraries."""
+
+from typing import Annotated
+
+import typer
+
+from turnbuckle.cli.report_errors import report_errors
+
+
+@report_errors
+def bench(
+    name: Annotated[str | None, typer.Argument(metavar="[NAME]", help="One benchmark; all when left out.")] = None,
+) -> None:
+    """Run the benchmarks; each prints a table and writes it with a plot."""
+    from turnbuckle.benchmarks import REGISTRY
+    from turnbuckle.data.errors import InputError
+    from turnbuckle.scene.suggestion import did_you_mean
+
+    if name is not None and name not in REGISTRY:
+        raise InputError(f"there is no benchmark {name!r}{did_you_mean(name, REGISTRY)}")
+    for key in [name] if name is not None else list(REGISTRY):
+        REGISTRY[key]()

@@ -1,0 +1,43 @@
+"""From the errors of the library to a line on the terminal and an exit code. No traceback for what is expected."""
+
+import functools
+import os
+import sys
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import typer
+
+from turnbuckle.data.errors import InputError, TurnbuckleError
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+FAILED, WRONG_INPUT, STOPPED = 1, 2, 130
+
+
+def report_errors(verb: F) -> F:
+    """Decorate a verb: 2 for wrong input, 1 for a failed simulation, 130 after Ctrl-C, each with its sentence."""
+
+    @functools.wraps(verb)
+    def wrapped(*args: Any, **kwargs: Any) -> Any:
+        try:
+            return verb(*args, **kwargs)
+        except InputError as error:
+            _say(error, "wrong input")
+            raise typer.Exit(WRONG_INPUT) from None
+        except TurnbuckleError as error:
+            _say(error, "failed")
+            raise typer.Exit(FAILED) from None
+        except KeyboardInterrupt:
+            typer.echo("stopped; what was written so far is whole", err=True)
+            raise typer.Exit(STOPPED) from None
+        except BrokenPipeError:
+            # The reader of our output has gone (`turnbuckle schema | head`): not an error of ours.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            raise typer.Exit(0) from None
+
+    return wrapped  # type: ignore[return-value]
+
+
+def _say(error: Exception, kind: str) -> None:
+    typer.echo(f"turnbuckle: {kind}: {error}" if "\n" not in str(error) else f"turnbuckle: {kind}:\n{error}", err=True)
