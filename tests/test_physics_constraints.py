@@ -1,0 +1,190 @@
+"""Every constraint is exact in position and velocity under every scheme, measured from the state arrays alone.
+
+One scene holds every kind at once, on ropes, triangles and tetrahedra whose masses differ by up to 10^6, with random
+weights, while the step changes.
+"""
+
+import numpy as np
+import pytest
+from laboratory import Held, Run, attach, join, nail, rope, size
+from reference import schemes
+
+EXACT = 1e-12
+
+
+def slide(name: str, point: tuple[str, int], body: str, **on) -> dict:
+    return {
+        "type": "slide",
+        "name": name,
+        "points": [{"body": point[0], "index": point[1]}],
+        "on": {"body": body, **on},
+    }
+
+
+def everything(rng: np.random.Generator, offset: float) -> tuple[dict, dict]:
+    """A scene with every kind of constraint, and how each is measured.
+
+    ``offset`` [m]: how far the constraints are from being fulfilled at the start. The second result maps a name to
+    (kind, [(body, point), ...], keywords of Held).
+    """
+    low, high = -3.0, 3.0
+
+    def some_rope(name: str, start: np.ndarray) -> dict:
+        steps = rng.standard_normal((2, 3))
+        steps *= 0.3 / np.linalg.norm(steps, axis=1, keepdims=True)
+        points = start + np.concatenate([[np.zeros(3)], np.cumsum(steps, axis=0)])
+        speed = 0.3 * rng.standard_normal(3)
+        return rope(name, points, 10.0 ** rng.uniform(low, high), 0.5, 0.05, velocity=speed)
+
+    def near(place: np.ndarray) -> np.ndarray:
+        return place + offset * rng.standard_normal(3)
+
+    triangle = rng.uniform(-0.5, 0.5, (3, 3)) + [2.0, 0.0, 0.0]
+    plane = rng.uniform(-0.5, 0.5, (3, 3)) + [-2.0, 0.0, 0.0]
+    for corners in (triangle, plane):  # no slivers
+        corners[:, :2] += [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]
+    tetrahedron = rng.uniform(-0.2, 0.2, (4, 3)) + np.eye(4, 3, -1) + [0.0, 2.0, 0.0]
+    w2, w3, w4 = (rng.dirichlet(np.ones(k)) for k in (2, 3, 4))
+    sheet = {"type": "cloth", "triangles": np.array([[0, 1, 2]]), "structural_stiffness": 0.5, "damping": 0.05}
+    line, rail = some_rope("line", rng.uniform(-1, 1, 3)), some_rope("rail", rng.uniform(-1, 1, 3))
+    bodies = [
+        line,
+        rail,
+        sheet | {"name": "triangle", "vertices": triangle, "mass": 10.0 ** rng.uniform(low, high)},
+        sheet | {"name": "plane", "vertices": plane, "mass": 10.0 ** rng.uniform(low, high)},
+        {
+            "type": "solid",
+            "name": "tetrahedron",
+            "vertices": tetrahedron,
+            "tetrahedra": np.array([[0, 1, 2, 3]]),
+            "mass": 10.0 ** rng.uniform(low, high),
+            "k_distance": 0.3,
+            "k_area": 0.2,
+            "k_volume": 0.2,
+            "damping_distance": 0.03,
+        },
+        some_rope("nailed", np.array([0.0, 0.0, 0.5])),
+        some_rope("moved", np.array([0.5, 0.0, 0.5])),
+        some_rope("driven", np.array([0.0, 0.6, 0.5])),
+        some_rope("on_line", near(w2 @ line["points"][:2])),
+        some_rope("on_triangle", near(w3 @ triangle)),
+        some_rope("on_tetrahedron", near(w4 @ tetrahedron)),
+        some_rope("on_rail", near([0.3, 0.7] @ rail["points"][:2])),
+        some_rope("on_plane", near([0.2, 0.3, 0.5] @ plane)),
+    ]
+    joint = np.array([1.0, 1.0, 1.0])
+    bodies += [some_rope(f"joined_{i}", near(joint)) for i in range(5)]
+    goal = near(bodies[5]["points"][0])
+    moved = bodies[6]["points"][0]
+    rate, wanted = np.array([0.1, -0.2, 0.3]), np.array([0.2, 0.1, -0.1])
+    frames = {"times": [0.0, 100.0], "positions": np.stack([moved, moved + 100.0 * rate])}
+    group = [(f"joined_{i}", 0) for i in range(5)]
+    constraints = [
+        nail("nailed", "nailed", 0, goal=goal),
+        nail("moved", "moved", 0, goal=frames),
+        {"type": "velocity", "name": "driven", "points": [{"body": "driven", "index": 1}], "goal": wanted},
+        join("joined", *group),
+        attach("on_line", ("on_line", 0), "line", [0, 1], w2),
+        attach("on_triangle", ("on_triangle", 0), "triangle", [0, 1, 2], w3),
+        attach("on_tetrahedron", ("on_tetrahedron", 0), "tetrahedron", [0, 1, 2, 3], w4),
+        slide("on_rail", ("on_rail", 0), "rail", line=[0, 1]),
+        slide("on_plane", ("on_plane", 0), "plane", triangle=[0, 1, 2]),
+    ]
+    held = {
+        "nailed": ("nail", [("nailed", 0)], {"goal": goal}),
+        "moved": ("nail", [("moved", 0)], {"goal": moved, "rate": rate}),
+        "driven": ("velocity", [("driven", 1)], {"goal": wanted}),
+        "joined": ("join", group, {}),
+        "on_line": ("attach", [("on_line", 0), ("line", 0), ("line", 1)], {"weights": w2}),
+        "on_triangle": ("attach", [("on_triangle", 0), *[("triangle", i) for i in range(3)]], {"weights": w3}),
+        "on_tetrahedron": ("attach", [("on_tetrahedron", 0), *[("tetrahedron", i) for i in range(4)]], {"weights": w4}),
+        "on_rail": ("line", [("on_rail", 0), ("rail", 0), ("rail", 1)], {}),
+        "on_plane": ("plane", [("on_plane", 0), *[("plane", i) for i in range(3)]], {}),
+    }
+    return {"gravity": [0.1, -0.3, -0.5], "bodies": bodies, "constraints": constraints}, held
+
+
+def worst(run: Run, held: dict) -> dict[str, tuple[float, float]]:
+    """(gap / size, rate / size) by constraint."""
+    x, v = run.x, run.v
+    scale = size(x)
+    out = {}
+    for name, (kind, points, more) in held.items():
+        more = dict(more)
+        if "rate" in more:
+            more["goal"] = more["goal"] + run.state.time * more["rate"]
+        index = [run.at(body, point)[0] for body, point in points]
+        gap, rate = Held(kind, index, **more).residual(x, v)
+        out[name] = (gap / scale, rate / scale)
+    return out
+
+
+def check(run: Run, held: dict, sizes: np.ndarray, every: int = 1) -> None:
+    first = 1 if run.model.integrator == "explicit_euler" else 0  # exact from its second step
+    start = run.x
+    for k, h in enumerate(sizes):
+        run.step(h)
+        if k >= first and k % every == 0:
+            bad = {name: pair for name, pair in worst(run, held).items() if not max(pair) <= EXACT}
+            assert not bad, f"step {k + 1}, dt {h}: {bad}"
+    assert np.abs(run.x - start).max() > 0.01  # nothing passes by standing still
+    assert np.abs(run.x).max() < 100.0  # nor by flying away
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.05])
+@pytest.mark.parametrize("name", schemes.SCHEMES)
+def test_exact_under_every_scheme(name, offset):
+    rng = np.random.default_rng([7, int(offset > 0)])
+    scene, held = everything(rng, offset)
+    run = Run({"integrator": name, **scene})
+    assert run.m.max() / run.m.min() > 1e4
+    counts = rng.integers(1, 8, 60)
+    counts[0] = 3  # explicit Euler anticipates a step as long as the one before
+    sizes = np.repeat(10.0 ** rng.uniform(-3.5, -2.8, 60), counts)
+    check(run, held, sizes)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("name", schemes.SCHEMES)
+def test_exact_for_ten_thousand_steps(name, seed):
+    rng = np.random.default_rng(100 + seed)
+    scene, held = everything(rng, 0.02)
+    run = Run({"integrator": name, **scene})
+    sizes = np.repeat(10.0 ** rng.uniform(-4.2, -3.8, 100), 100)
+    check(run, held, sizes, every=7)
+
+
+@pytest.mark.parametrize("name", schemes.SCHEMES)
+def test_a_step_lands_where_the_printed_equations_land(name):
+    """The first step from a start that breaks every constraint: points to point meet at the centre of mass (25), an
+    attached point and its line as (28) shares the way, a nailed point at its goal."""
+    from reference import constraints  # solves (19)-(28) literally
+
+    rng = np.random.default_rng(3)
+    scene, held = everything(rng, 0.1)
+    scene["constraints"] = [c for c in scene["constraints"] if c["type"] in ("nail", "points_to_point", "attach")]
+    free = Run({"integrator": name, **scene, "constraints": []})
+    run = Run({"integrator": name, **scene})
+    h = 1e-3
+    if name in schemes.IMPLICIT:
+        pytest.skip("these solve through A")
+    free.step(h)
+    run.step(h)
+    x_free, m = free.x, free.m
+    if name == "explicit_euler":  # constrains the position one step later
+        free_next, got = x_free + h * free.v, run.x + h * run.v
+    else:
+        free_next, got = x_free, run.x
+    c = constraints.position_response(name, m, h)
+    for constraint in scene["constraints"]:
+        kind, points, more = held[constraint["name"]]
+        index = [run.at(body, point)[0] for body, point in points]
+        if kind == "nail":
+            continue
+        if kind == "join":
+            f = constraints.points_to_point_forces(free_next, c, index)
+        else:
+            f = constraints.attach_forces(free_next, c, index[0], index[1:], more["weights"])
+        want = free_next[index] + c[index, None] * f
+        assert np.abs(got[index] - want).max() < 1e-9, constraint["name"]
