@@ -15,9 +15,8 @@ def check(
     ] = None,
 ) -> None:
     """Validate SCENE, count points, springs, tetrahedra and constraints, and warn. Simulates nothing."""
-    from turnbuckle.scene.check import inspect_scene
-
     from turnbuckle.cli.scene_argument import load_scene
+    from turnbuckle.scene.check import inspect_scene
 
     result = inspect_scene(load_scene(scene, set_ or []))
     for label, value in result.counts:

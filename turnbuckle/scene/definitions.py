@@ -6,6 +6,7 @@ A definition is constant; arrays in it are read-only. Lengths [m], masses [kg], 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from typing import Annotated, Any, Literal
 
@@ -14,7 +15,7 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 from pydantic.json_schema import SkipJsonSchema
 from pydantic_core import PydanticCustomError
 
-from turnbuckle.scene.base_definition import Definition, exactly_one
+from turnbuckle.scene.base_definition import Definition, exactly_one, problem
 from turnbuckle.scene.body_definitions import (
     BodyBase,
     BoxDef,
@@ -85,6 +86,8 @@ ConstraintDef = Annotated[
 def _component(value: Any) -> Any:
     """A number stands for itself in an expression; a text is checked."""
     if isinstance(value, (int, float, np.number)) and not isinstance(value, bool):
+        if not math.isfinite(value):
+            raise problem(f"expected a finite number, got {value}")
         return repr(value.item() if isinstance(value, np.number) else value)
     if isinstance(value, str):
         compile_expression(value, FORCE_VARIABLES)

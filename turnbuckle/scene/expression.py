@@ -135,7 +135,8 @@ class _Compiler:
                 warnings.simplefilter("ignore")
                 tree = ast.parse(source, mode="eval")
         except SyntaxError as error:
-            column = None if error.offset is None else self.shift + max(error.offset - 1, 0)
+            # At an unexpected end Python gives no column, or 0.
+            column = self.shift + (error.offset - 1 if error.offset else len(self.source))
             raise self.fail(f"cannot be read ({error.msg.split('. Perhaps')[0]})", column) from None
         except (ValueError, RecursionError, MemoryError, OverflowError):
             raise self.fail("cannot be read (nested too deeply, or strange characters)") from None
@@ -163,7 +164,7 @@ class _Compiler:
 
     def refuse(self, node: ast.AST, kind: ast.AST) -> InputError:
         hint = _HINTS.get(type(kind), "use numbers, names, + - * / **, comparisons, and or not, and functions")
-        return self.fail_at(node, f"{type(kind).__name__} is not allowed: {hint}")
+        return self.fail_at(node, f"this is not allowed: {hint}")
 
     def constant(self, node: ast.Constant) -> Term:
         if isinstance(node.value, bool) or not isinstance(node.value, (int, float)):
@@ -191,6 +192,10 @@ class _Compiler:
     def binary(self, node: ast.BinOp, depth: int) -> Term:
         ufunc = _BINARY.get(type(node.op))
         if ufunc is None:
+            # The tree does not say where the operator is: it comes after the left side, blanks and brackets.
+            end = node.left.end_col_offset or 0
+            rest = self.source.encode()[end:].decode(errors="ignore")
+            node.col_offset = end + len(rest) - len(rest.lstrip(" )"))
             raise self.refuse(node, node.op)
         left, right = self.term(node.left, depth + 1), self.term(node.right, depth + 1)
         return lambda values: ufunc(left(values), right(values))

@@ -142,6 +142,12 @@ def _explain(item: Any, kind: type[Definition]) -> Iterator[Problem]:
         yield at, f"expected a mapping of fields, got {describe(value)}"
     elif what == "list_type":
         yield at, f"expected a list, got {describe(value)}"
+    elif what == "callable_type":
+        yield at, f"expected a Python callable, which a scene file cannot hold, got {describe(value)}"
+    elif what in ("too_short", "string_too_short") and isinstance(value, str):
+        yield at, "expected text, got an empty one"
+    elif what in ("too_long", "string_too_long") and isinstance(value, str):
+        yield at, f"expected text of at most {context['max_length']} characters, got {len(value)}"
     elif what in ("too_short", "too_long"):
         words, bound = (
             ("at least", context["min_length"]) if what == "too_short" else ("at most", context["max_length"])
@@ -149,10 +155,6 @@ def _explain(item: Any, kind: type[Definition]) -> Iterator[Problem]:
         yield at, f"expected {words} {bound} item{'s' * (bound != 1)}, got {context['actual_length']}"
     elif what == "string_pattern_mismatch":
         yield at, f"expected a name of letters, digits, '_', '-' and '.', got {describe(value)}"
-    elif what == "string_too_short":
-        yield at, "expected text, got an empty one"
-    elif what == "string_too_long":
-        yield at, f"expected text of at most {context['max_length']} characters, got {len(value)}"
     elif what == "value_error":
         yield at, str(context.get("error", item["msg"]))
     else:

@@ -85,7 +85,7 @@ def parse_yaml(text: str) -> Node | None:
 def _yaml_problem(error: yaml.MarkedYAMLError) -> str:
     problem = error.problem or "unknown error"
     context = f" {error.context}" if error.context else ""
-    if "'\\t'" in problem or "cannot start any token" in problem and error.problem_mark is not None:
+    if "tab character" in problem or "'\\t'" in problem or "cannot start any token" in problem:
         return f"cannot be read as YAML: {problem}{context} (indent with spaces, not tabs)"
     if "mapping values are not allowed" in problem:
         return f"cannot be read as YAML: {problem} (check the indentation, and quote texts that hold ': ')"
