@@ -1,4 +1,4 @@
-"""Scene files: round trip bit for bit, and files that are wrong in hundreds of ways."""
+"""Scene files that are wrong in hundreds of ways: file, line and field are named, and nothing else is raised."""
 
 import random
 import re
@@ -7,80 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scene_example import GOOD
 
 from turnbuckle.data.errors import InputError
 from turnbuckle.scene.scene import Scene
 from turnbuckle.scene.yaml_file import json_schema
 
-GOOD = """\
-schema_version: 1
-name: harbour
-up_axis: Z
-gravity: [0, 0, -9.81]
-dt: 1e-3
-duration: 2
-integrator: velocity_verlet
-bodies:
-  - type: rope
-    name: mooring
-    start: [0, 0, 1]
-    end: [4, 0, 1]
-    segments: 40
-    stretch_stiffness: 1e5
-    color: [0.8, 0.6, 0.1]
-  - type: net
-    name: trawl
-    size: [2, 1]
-    cells: [20, 10]
-    position: [0, 3, 2]
-    damping: 0.1
-  - type: solid
-    name: buoy
-    box:
-      size: [0.5, 0.5, 0.5]
-      cells: [2, 2, 2]
-    density: 300
-  - type: solid
-    name: hull
-    mesh: hull.obj
-forces:
-  - name: wind
-    body: trawl
-    expression: ["5 * sin(2 * pi * t)", 0, "-0.1 * vz"]
-constraints:
-  - type: nail
-    name: bollard
-    points:
-      body: mooring
-      index: 0
-    goal:
-      times: [0, 1, 2]
-      offsets: [[0, 0, 0], [0, 0, 0.5], [0, 0, 0]]
-      interpolation: smooth
-    start: 0
-    end: 1.5
-    ramp:
-      steps: 20
-      max_speed: 2.0
-  - type: attach
-    name: ring
-    points: {body: mooring, index: 40}
-    to: {body: buoy, nearest: tetrahedron}
-    break_force: 1e4
-  - type: points_to_point
-    name: knots
-    groups:
-      - [{body: mooring, index: 10}, {body: trawl, index: 0}]
-      - [{body: mooring, index: 20}, {body: trawl, index: 5}]
-  - type: slide
-    name: shackle
-    points: {body: trawl, index: 30}
-    on: {body: buoy, surface: true, where: "z > 0.2"}
-  - type: velocity
-    name: winch
-    points: {body: trawl, side: +x, thickness: 0.05}
-    goal: [0, 0, 0.1]
-"""
 LINES = GOOD.splitlines()
 
 
@@ -414,63 +346,6 @@ def test_numbers_follow_yaml_1_2(folder: Path) -> None:
     for text in ["1_000", "1:30", "yes", "0b1", "1e", "--1", '"1e5"']:
         assert "expected a number" in message(f"duration: {text}", folder)
     assert Scene.loads("name: on").definition.name == "on"
-
-
-def random_scene(rng: np.random.Generator) -> Scene:
-    """A scene with awkward floats in it, and arrays long and short."""
-    scene = Scene("fuzz", dt=float(rng.random() * 1e-3), gravity=rng.standard_normal(3) * 10.0 ** rng.integers(-9, 9))
-    points = rng.standard_normal((int(rng.integers(4, 120)), 3)) * 10.0 ** rng.integers(-300, 300)
-    points[0] = [-0.0, 5e-324, 1.7976931348623157e308]
-    scene.add_rope("long", points=points, damping=float(np.nextafter(0.1, 1)), color=rng.random(3))
-    scene.add_cloth("c-1.é", vertices=rng.random((3, 3)), triangles=[[0, 1, 2]], mass=1 / 3, rotation=rng.random(3))
-    scene.add_solid("box", box={"size": rng.random(3) + 0.1, "cells": [1, 2, 3]}, k_area=1e-17)
-    scene.add_force("f", body="long", expression=["x", 1e-17, "where(t < 1, 1e22, -z)"])
-    scene.add_constraint("nail", "n", points={"body": "long", "indices": rng.permutation(len(points))})
-    goal = {"times": np.cumsum(rng.random(60) + 1e-9), "positions": rng.standard_normal((60, 2, 3))}
-    scene.add_constraint("nail", "k", points={"body": "c-1.é", "indices": [0, 2]}, goal=goal, ramp={"steps": 3})
-    scene.add_constraint("points_to_point", "j", join=[{"body": "box", "where": 'x < 1e-3 or y > "0"'[:8]}])
-    scene.add_constraint("velocity", "v", points={"body": "box", "side": "-y"}, goal=rng.random(3), end=1e9)
-    scene.add_constraint("attach", "a", points={"body": "c-1.é", "index": 1}, to={"body": "box", "nearest": "line"})
-    scene.add_constraint("slide", "s", points={"body": "box", "all": True}, on={"body": "c-1.é", "surface": True})
-    return scene
-
-
-@pytest.mark.parametrize("seed", range(10))
-def test_round_trip_is_identical(seed: int, tmp_path: Path) -> None:
-    scene = random_scene(np.random.default_rng(seed))
-    scene.save(tmp_path / "a.yaml")
-    again = Scene.load(tmp_path / "a.yaml")
-    assert again.definition == scene.definition
-    assert Scene.loads(scene.to_yaml()).definition == scene.definition
-    again.save(tmp_path / "b.yaml")
-    assert (tmp_path / "b.yaml").read_text() == (tmp_path / "a.yaml").read_text().replace("a.arrays", "b.arrays")
-    assert not list(tmp_path.glob(".*"))
-    # the comparison sees one bit
-    scene.definition.bodies[0].points.setflags(write=True)
-    scene.definition.bodies[0].points[1, 1] = np.nextafter(scene.definition.bodies[0].points[1, 1], 0)
-    assert again.definition != scene.definition
-
-
-def test_mesh_paths_follow_the_file(folder: Path, tmp_path: Path) -> None:
-    scene = Scene.loads(GOOD, folder)
-    (tmp_path / "sub").mkdir()
-    scene.save(tmp_path / "sub" / "moved.yaml")
-    moved = Scene.load(tmp_path / "sub" / "moved.yaml")
-    assert (moved.folder / moved.definition.bodies[3].mesh).resolve() == (folder / "hull.obj").resolve()
-    scene.save(folder / "same.yaml")
-    assert Scene.load(folder / "same.yaml").definition == scene.definition
-
-
-def test_callables_are_refused_by_name(tmp_path: Path) -> None:
-    scene = Scene()
-    scene.add_rope("r", start=[0, 0, 0], end=[1, 0, 0], segments=3)
-    scene.add_force("storm", callable=lambda x, v, t, m: x)
-    scene.add_constraint("nail", "hand", points={"body": "r", "index": 0}, goal=lambda t: [0, 0, t])
-    with pytest.raises(InputError, match="'storm'.*'hand'"):
-        scene.save(tmp_path / "x.yaml")
-    assert not list(tmp_path.iterdir())
-    with pytest.raises(InputError, match="cannot be written"):
-        Scene().save(tmp_path / "none" / "x.yaml")
 
 
 def test_schema_describes_files() -> None:
