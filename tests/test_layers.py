@@ -11,8 +11,10 @@ ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = "turnbuckle"
 MAX_LINES = 400
 
-# Optional extras: imported where they are used, so that a plain install works without them.
+# Imported where they are used: optional extras, so that a plain install works without them, and mesh readers, whose
+# slow import only those pay who read a mesh.
 EXTRAS = {
+    *("trimesh", "meshio", "polyscope_bindings"),
     *("pytetwild", "tetgen", "pyvista", "vtk", "polyscope", "pxr", "imageio_ffmpeg", "matplotlib", "viser", "dask"),
     *("pymetis", "pypardiso", "pyamg", "ipctk", "newton", "mujoco", "pypbd", "pyPBD"),
 }
@@ -70,7 +72,7 @@ def check_imports(file: Path, root: Path, layers: Layers) -> Iterator[str]:
         yield f"{name}: package '{package}' is not in the list of layers of ARCHITECTURE.md"
         return
     for node, inside in imports(ast.parse(file.read_text())):
-        for target in imported(node, file, root):
+        for target in dict.fromkeys(imported(node, file, root)):
             top, *rest = target.split(".")
             if inside and top not in EXTRAS and not name.startswith(LAZY):
                 yield f"{name}:{node.lineno}: import of {target} inside a function; move it to the top of the file"

@@ -27,6 +27,12 @@ class CurtainGeometry(NamedTuple):
     def cubes(self) -> int:
         return len(self.vertices) // 8
 
+    def worst_gap(self, x: np.ndarray) -> float:
+        """Largest distance of two joined corners, or of a nail from its place [m], at positions x [m], (points, 3)."""
+        joints = np.linalg.norm(x[self.pairs[:, 0]] - x[self.pairs[:, 1]], axis=1)
+        nails = np.linalg.norm(x[self.nails] - self.vertices[self.nails], axis=1)
+        return float(max(joints.max(initial=0.0), nails.max(initial=0.0)))
+
 
 def curtain_geometry(m: int, rows: int = 20, edge: float = 0.1) -> CurtainGeometry:
     """A curtain in the x-y plane, hanging along -y from y = 0, of `rows` rows that alternate m and m - 1 cubes.

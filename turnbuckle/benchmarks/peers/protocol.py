@@ -66,13 +66,6 @@ def lumped_masses(curtain: CurtainGeometry) -> np.ndarray:
     return np.bincount(curtain.tetrahedra.ravel(), weights=quarter, minlength=len(curtain.vertices))
 
 
-def worst_gap(curtain: CurtainGeometry, x: np.ndarray) -> float:
-    """Worst violation of a constraint [m] at the positions x [m], shape (points, 3)."""
-    joints = np.linalg.norm(x[curtain.pairs[:, 0]] - x[curtain.pairs[:, 1]], axis=1)
-    nails = np.linalg.norm(x[curtain.nails] - curtain.vertices[curtain.nails], axis=1)
-    return float(max(joints.max(initial=0.0), nails.max(initial=0.0)))
-
-
 def simulate(
     task: Task,
     step: Callable[[], None],
@@ -82,9 +75,9 @@ def simulate(
     how: str,
     steps_a_call: int = 1,
 ) -> None:
-    """Warm up, time `step` (a call of it is `steps_a_call` steps), measure `positions` outside the timed part, and print the answer.
+    """Warm up, time `step`, measure `positions` outside the timed part, and print the answer.
 
-    The gap starts to count after the warm-up steps, as the time does.
+    A call of `step` is `steps_a_call` steps. The gap starts to count after the warm-up steps, as the time does.
     """
     curtain = task.geometry()
     for _ in range(WARM_UP):
@@ -96,7 +89,7 @@ def simulate(
         before = time.perf_counter()
         step()
         times.append(1e3 * (time.perf_counter() - before) / steps_a_call)
-        gap = max(gap, worst_gap(curtain, positions()))
+        gap = max(gap, curtain.worst_gap(positions()))
     dropped = float(curtain.vertices[:, 1].min() - positions()[:, 1].min())
     result = PeerResult(
         name=name,

@@ -1,0 +1,101 @@
+"""Constraints a millisecond by kind, residual and force written: Local, section 5, last numbers of its first page."""
+
+import statistics
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+
+import turnbuckle
+from turnbuckle.benchmarks.table import Table, publish
+
+POINTS = 200_000
+LARGE = 1000  # points of one large points-to-point
+DT = 1e-3  # [s]
+
+Add = Callable[[turnbuckle.Scene], int]  # adds constraints to a scene with a body "dots", returns how many
+
+
+def nails(scene: turnbuckle.Scene) -> int:
+    scene.add_constraint("nail", "all", points={"body": "dots", "all": True})
+    return POINTS
+
+
+def pairs(scene: turnbuckle.Scene) -> int:
+    first, second = np.arange(POINTS, dtype=np.int32).reshape(2, -1)
+    sides = [{"body": "dots", "indices": side} for side in (first, second)]
+    scene.add_constraint("points_to_point", "pairs", zip=sides)
+    return len(first)
+
+
+def large(scene: turnbuckle.Scene) -> int:
+    groups = np.arange(POINTS, dtype=np.int32).reshape(LARGE, -1).T
+    for number, group in enumerate(groups):
+        scene.add_constraint("points_to_point", f"group {number}", join={"body": "dots", "indices": group})
+    return len(groups)
+
+
+def attached(corners: int) -> Add:
+    """Points on elements of `corners` corners, weights of the middle."""
+
+    def add(scene: turnbuckle.Scene) -> int:
+        count = POINTS // (corners + 1)
+        point, *element = np.arange(count * (corners + 1), dtype=np.int32).reshape(corners + 1, count)
+        scene.add_constraint(
+            "attach",
+            "attached",
+            points={"body": "dots", "indices": point},
+            to={"body": "dots", "elements": np.stack(element, axis=1)},
+            weights=np.full((count, corners), 1.0 / corners),
+        )
+        return count
+
+    return add
+
+
+# kind -> how to add it, and what the paper says it computes in a millisecond (a Pentium 4 of 3.4 GHz)
+KINDS: dict[str, tuple[Add, float]] = {
+    "nail": (nails, 1000.0),
+    "points to point, n = 2": (pairs, 500.0),
+    "point to line": (attached(2), 1000.0 / 3.0),
+    "point to triangle": (attached(3), 250.0),
+    "point to tetrahedron": (attached(4), 200.0),
+    f"points to point, n = {LARGE}": (large, 1.0),
+}
+
+
+def constraint_ms(add: Add, steps: int = 30) -> tuple[int, float]:
+    """Number of constraints, and the median time of the stage that computes them [ms]."""
+    scene = turnbuckle.Scene("dots", gravity=[0.0, 0.0, 0.0], dt=DT)
+    row = np.arange(POINTS, dtype=float)
+    places = np.stack([row * 1e-3, np.cos(row), np.sin(row)], axis=1)
+    scene.add_rope("dots", points=places, stretch_stiffness=0.0)
+    count = add(scene)
+    model, state = scene.build()
+    spent = []
+    for number in range(steps + 3):
+        report = turnbuckle.step(model, state, DT)
+        if number >= 3:
+            spent.append(1e3 * report.seconds["constraints"])
+    if report.status != "ok":
+        raise RuntimeError(f"{count} constraints: the step is {report.status}: {report.messages}")
+    return count, statistics.median(spent)
+
+
+def measure(console: Console | None = None, folder: Path | None = None) -> list[Table]:
+    """Measure, print, write tables."""
+    console = console or Console()
+    columns = ["kind", "constraints", "ms", "constraints a ms", "points a ms", "paper, a ms", "times the paper"]
+    table = Table("Constraints a millisecond, residual and force written", columns)
+    for kind, (add, paper) in KINDS.items():
+        count, ms = constraint_ms(add)
+        points = 1000.0 * count / paper  # the paper computes 1000 points a millisecond, whatever the kind
+        table.add(kind, count, ms, count / ms, points / ms, paper, count / ms / paper)
+    table.notes.append(f"The stage `constraints` of a step with {POINTS:,} points in them, Verlet.")
+    publish("constraints", [table], console, folder)
+    return [table]
+
+
+if __name__ == "__main__":
+    measure()
