@@ -30,14 +30,15 @@ def run(
     device: Annotated[str, typer.Option(help="Where to compute: cpu, cuda:0, ...")] = "cpu",
 ) -> None:
     """Simulate SCENE. Ends with a certificate; exit code 1 when the simulation failed, 2 when the input is wrong."""
-    from turnbuckle.run.run import run as run_scene
-
     from turnbuckle.cli.progress import RunProgress
     from turnbuckle.cli.run_options import check_options
     from turnbuckle.cli.scene_argument import load_scene
 
     check_options(duration, dt, out or [], report, checkpoint, every, resume)
     loaded = load_scene(scene, set_ or [])
+
+    from turnbuckle.run.run import run as run_scene  # after the scene: wrong input is told before kernels are loaded
+
     with RunProgress(loaded.name) as progress:
         result = run_scene(
             loaded,

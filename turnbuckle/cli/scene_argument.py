@@ -7,12 +7,12 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
+import turnbuckle.scenes as ready_scenes
 from turnbuckle.data.errors import InputError
 from turnbuckle.scene.definitions import SceneDef
 from turnbuckle.scene.overrides import split_assignment
 from turnbuckle.scene.scene import Scene
 from turnbuckle.scene.suggestion import did_you_mean
-from turnbuckle.scenes import REGISTRY
 
 
 def load_scene(text: str, assignments: Sequence[str] = ()) -> Scene:
@@ -20,13 +20,13 @@ def load_scene(text: str, assignments: Sequence[str] = ()) -> Scene:
 
     Raises `InputError`.
     """
-    ready = REGISTRY.get(text)
+    ready = ready_scenes.REGISTRY.get(text)
     if ready is not None:
         scene, rest = _ready_scene(text, ready, assignments)
     elif _is_path(text):
         scene, rest = Scene.load(text), list(assignments)
     else:
-        raise InputError(f"there is no file and no ready scene {text!r}{did_you_mean(text, REGISTRY)}")
+        raise InputError(f"there is no file and no ready scene {text!r}{did_you_mean(text, ready_scenes.REGISTRY)}")
     for assignment in rest:
         scene.apply_set(assignment)
     return scene

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -13,8 +13,8 @@ from turnbuckle.scene.fields import (
     Cells2,
     Cells3,
     Color,
+    Corners,
     Count,
-    Integer,
     Lines,
     MeshPath,
     Name,
@@ -157,7 +157,7 @@ class CylinderDef(Definition):
 
     radius: Positive = Field(description="Radius [m].")
     length: Positive = Field(description="Length along z [m].")
-    around: Annotated[Integer, Field(ge=3, le=10_000)] = Field(default=8, description="Corners of the rim [1].")
+    around: Corners = Field(default=8, description="Corners of the rim [1].")
     along: Count = Field(default=4, description="Layers along z [1].")
 
     @model_validator(mode="after")

@@ -100,17 +100,19 @@ def _mesh_exists(value: str, info: ValidationInfo) -> str:
     return value
 
 
+# Bounds stand before the validator that runs first, so that they stay visible in the JSON Schema.
 Number = Annotated[float, BeforeValidator(_number)]
-Positive = Annotated[Number, Field(gt=0)]
-NonNegative = Annotated[Number, Field(ge=0)]
-Fraction = Annotated[Number, Field(gt=0, le=1)]
+Positive = Annotated[float, Field(gt=0), BeforeValidator(_number)]
+NonNegative = Annotated[float, Field(ge=0), BeforeValidator(_number)]
+Fraction = Annotated[float, Field(gt=0, le=1), BeforeValidator(_number)]
 Integer = Annotated[int, BeforeValidator(_integer)]
-Count = Annotated[Integer, Field(ge=1, le=COUNT_LIMIT)]
-Index = Annotated[Integer, Field(ge=0, le=_INT32_MAX)]
+Count = Annotated[int, Field(ge=1, le=COUNT_LIMIT), BeforeValidator(_integer)]
+Corners = Annotated[int, Field(ge=3, le=10_000), BeforeValidator(_integer)]
+Index = Annotated[int, Field(ge=0, le=_INT32_MAX), BeforeValidator(_integer)]
 Flag = Annotated[bool, BeforeValidator(_flag)]
-Text = Annotated[str, BeforeValidator(_text), Field(min_length=1, max_length=1000)]
+Text = Annotated[str, Field(min_length=1, max_length=1000), BeforeValidator(_text)]
 MeshPath = Annotated[Text, BeforeValidator(_mesh_path), AfterValidator(_mesh_exists)]
-Name = Annotated[str, BeforeValidator(_text), Field(min_length=1, max_length=200, pattern=r"^\w[\w.\-]*$")]
+Name = Annotated[str, Field(min_length=1, max_length=200, pattern=r"^\w[\w.\-]*$"), BeforeValidator(_text)]
 
 
 @dataclass(frozen=True)
