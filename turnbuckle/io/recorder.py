@@ -74,8 +74,10 @@ def open_recorder(
             from turnbuckle.io.vtkhdf import VtkHdfRecorder
 
             return VtkHdfRecorder(path, shapes, facts)
-        from turnbuckle.io.usd import UsdRecorder
-
+        try:
+            from turnbuckle.io.usd import UsdRecorder  # optional extra
+        except ImportError:
+            raise InputError(f"recording {path}: USD needs usd-core; run: pip install 'turnbuckle[usd]'") from None
         return UsdRecorder(path, shapes, facts)
     except OSError as error:
         raise InputError(f"recording {path}: cannot be written ({reason(error)}); choose another place") from None

@@ -8,6 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from turnbuckle.data.errors import InputError
+from turnbuckle.data.model import Model
+from turnbuckle.data.state import State
+from turnbuckle.scene.build import build
 from turnbuckle.scene.definitions import (
     AttachDef,
     ClothDef,
@@ -136,3 +139,10 @@ class Scene:
         The value is YAML. Raises `InputError` that names the field; the scene is then unchanged.
         """
         self.definition = override(self.definition, assignment, {"folder": self.folder})
+
+    def build(self, device: str = "cpu") -> tuple[Model, State]:
+        """The model (constant) and its first state, on ``device`` ("cpu", "cuda:0").
+
+        Raises `InputError` for what only shows when meshes are read and points are chosen.
+        """
+        return build(self.definition, self.folder, device)

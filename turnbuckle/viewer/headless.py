@@ -15,6 +15,8 @@ from PIL import Image
 from turnbuckle.viewer.camera import FIELD_OF_VIEW, Camera
 from turnbuckle.viewer.geometry import SceneGeometry
 
+_TONE = 1.6  # the "clay" material pales colours; this power brings them back
+
 _started: dict[str, Any] = {}  # "polyscope": the module, or "missing": why there is none
 _shown: list["HeadlessView"] = []  # the view whose bodies Polyscope holds
 
@@ -107,12 +109,12 @@ class HeadlessView:
                 "surface", geometry.vertices("surface", x), geometry.surface.cells, smooth_shade=True, material="clay"
             )
             mesh.set_back_face_policy("identical")
-            mesh.add_color_quantity("body", geometry.surface.colors, defined_on="faces", enabled=True)
+            mesh.add_color_quantity("body", geometry.surface.colors**_TONE, defined_on="faces", enabled=True)
             self._structures["surface"] = mesh
         if len(geometry.lines.cells):
             curves = polyscope.register_curve_network(
                 "lines", geometry.vertices("lines", x), geometry.lines.cells, material="clay"
             )
-            curves.add_color_quantity("body", geometry.lines.colors, defined_on="edges", enabled=True)
+            curves.add_color_quantity("body", geometry.lines.colors**_TONE, defined_on="edges", enabled=True)
             self._structures["lines"] = curves
         _shown[:] = [self]

@@ -1,0 +1,30 @@
+"""Forces on points: what the elements around each point exert on it, gathered in a fixed order, plus gravity."""
+
+import warp as wp
+
+from turnbuckle.data.state import GRAVITY
+from turnbuckle.math.types import real, vec3
+
+wp.set_module_options({"enable_backward": False})
+
+
+@wp.kernel
+def gather_forces(
+    begin: int,
+    mass: wp.array(dtype=real),
+    offsets: wp.array(dtype=wp.int32),
+    slots: wp.array(dtype=wp.int32),
+    element_force: wp.array(dtype=vec3),
+    params: wp.array(dtype=real),
+    force_out: wp.array(dtype=vec3),
+):
+    """``F_i = m_i g + sum_slots +-element_force`` [N]; a slot ``~s`` (negative) subtracts slot s."""
+    i = begin + wp.tid()
+    f = mass[i] * vec3(params[GRAVITY], params[GRAVITY + 1], params[GRAVITY + 2])
+    for k in range(offsets[i], offsets[i + 1]):
+        slot = slots[k]
+        if slot >= 0:
+            f += element_force[slot]
+        else:
+            f -= element_force[-slot - 1]
+    force_out[i] = f

@@ -1,0 +1,240 @@
+"""Kernel launches recorded once and replayed every step, on all threads or on the GPU.
+
+A Warp launch from Python costs microseconds and runs on one thread. A step has dozens of small launches, so they
+are recorded: on the CPU every launch is cut into one contiguous range per thread, each thread replays its own
+captured graph in one native call, and threads meet at barriers inside the graphs; on CUDA the same calls become one
+CUDA graph. The numbers a kernel needs anew each step (dt, time, ...) therefore live in arrays, not in arguments.
+
+Results do not depend on the number of threads: an item is computed by one thread, in the item's own order.
+"""
+
+import os
+import sys
+import threading
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import warp as wp
+
+wp.set_module_options({"enable_backward": False})
+if wp.config.log_level == wp.LOG_INFO:  # unless the user asked for more: no banner, and a machine without CUDA is no news
+    wp.config.log_level = wp.LOG_ERROR
+    wp.init()
+    wp.config.log_level = wp.LOG_WARNING
+
+SMALL = 512  # items below which a launch is not worth cutting
+PARALLEL = 8192  # a program whose largest launch is smaller runs on one thread: meeting costs more than it saves
+
+
+@wp.func_native(
+    """
+#if defined(__CUDA_ARCH__)
+    return 0;
+#else
+    unsigned threads_u = (unsigned)threads;
+    unsigned arrived = (unsigned)__atomic_add_fetch(&meet.data[0], 1, __ATOMIC_ACQ_REL);
+    unsigned goal = ((arrived - 1u) / threads_u + 1u) * threads_u;
+    for (unsigned spins = 0; (int)((unsigned)__atomic_load_n(&meet.data[0], __ATOMIC_ACQUIRE) - goal) < 0; ++spins) {
+        if (__atomic_load_n(&meet.data[16], __ATOMIC_RELAXED)) return 1;
+#if defined(__linux__)
+        int let_others_run(void) __asm__("sched_yield");
+        if (spins > 200u) let_others_run();  // someone needs this processor, perhaps the thread we wait for
+#endif
+    }
+    return 0;
+#endif
+"""
+)
+def wait_for_all(meet: wp.array(dtype=int), threads: int) -> int: ...
+
+
+@wp.func_native(
+    """
+#if defined(__CUDA_ARCH__)
+    unsigned long long ticks;
+    asm volatile("mov.u64 %0, %globaltimer;" : "=l"(ticks));
+    return (double)ticks;
+#else
+    return (double)__builtin_readcyclecounter();
+#endif
+"""
+)
+def clock_ticks() -> wp.float64: ...
+
+
+@wp.kernel
+def barrier(begin: int, meet: wp.array(dtype=int), threads: int):
+    """Wait until every thread has come here. ``meet[0]`` counts arrivals, ``meet[16]`` is set to give up."""
+    wait_for_all(meet, threads)
+
+
+@wp.kernel
+def stamp(begin: int, slot: int, ticks_out: wp.array(dtype=wp.float64)):
+    """Write the clock into ``ticks_out[slot]``."""
+    ticks_out[slot] = clock_ticks()
+
+
+def default_threads() -> int:
+    """Threads a CPU step may use: ``TURNBUCKLE_THREADS``, else the processors this process may run on, at most 8."""
+    asked = os.environ.get("TURNBUCKLE_THREADS", "")
+    if asked.isdigit() and int(asked) > 0:
+        return int(asked)
+    return min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1, 8)
+
+
+class _Worker:
+    """A thread that replays a graph when told to."""
+
+    def __init__(self) -> None:
+        self.go = threading.Semaphore(0)
+        self.done = threading.Semaphore(0)
+        self.graph = None
+        threading.Thread(target=self._loop, daemon=True, name="turnbuckle").start()
+
+    def _loop(self) -> None:
+        while True:
+            self.go.acquire()
+            wp.capture_launch(self.graph)
+            self.graph = None
+            self.done.release()
+
+
+_workers: list[_Worker] = []
+_announced = False
+
+
+def _load(kernel: wp.Kernel, device: str) -> None:
+    """Compile or load the module of a kernel; say so once where compiling is to be expected."""
+    global _announced
+    if not _announced:
+        _announced = True
+        cache = Path(wp.config.kernel_cache_dir or "")
+        if not any(cache.glob("wp_turnbuckle*")):
+            print("turnbuckle: compiling kernels for this machine (first run only, about half a minute) ...", file=sys.stderr)
+    on = wp.get_device(device)
+    kernel.module.load(on, block_dim=256 if on.is_cuda else 1)
+
+
+class Program:
+    """A fixed sequence of kernel launches, host calls and time stamps.
+
+    Launches between two calls of :meth:`barrier` must not depend on each other.
+    """
+
+    def __init__(self, device: str, threads: int | None = None) -> None:
+        self.device = device
+        self.threads = 1 if wp.get_device(device).is_cuda else threads or default_threads()
+        self.ticks = wp.zeros(64, dtype=wp.float64, device=device)
+        self.stages: list[str] = []
+        self.seconds: dict[str, float] = {}
+        self._segments: list[list] = [[]]  # each: a list of (kernel, n, inputs, outputs-free) and "barrier", or [callable]
+        self._ready: list | None = None
+        self._meet = wp.zeros(32, dtype=int, device="cpu")
+
+    def launch(self, kernel: wp.Kernel, n: int, inputs: Sequence) -> None:
+        """Record ``kernel`` over ``n`` items. The kernel's first parameter, ``begin``, is given here."""
+        if n > 0:
+            _load(kernel, self.device)
+            self._segments[-1].append((kernel, n, list(inputs)))
+
+    def barrier(self) -> None:
+        """What follows sees the results of all that came before."""
+        if self._segments[-1] and self._segments[-1][-1] != "barrier":
+            self._segments[-1].append("barrier")
+
+    def host(self, function: Callable[[], None]) -> None:
+        """Record a call of a Python function, which sees the results of all that came before."""
+        self._segments += [[function], []]
+
+    def stage(self, name: str) -> None:
+        """All that follows is timed under ``name`` (read :attr:`seconds` after a run)."""
+        self.barrier()
+        _load(stamp, self.device)
+        self._segments[-1].append(("stamp", len(self.stages)))
+        self.stages.append(name)
+
+    def finish(self) -> "Program":
+        """Capture the graphs. Nothing can be recorded afterwards."""
+        self.barrier()
+        self._segments[-1].append(("stamp", len(self.stages)))
+        _load(stamp, self.device)
+        _load(barrier, self.device)
+        largest = max((op[1] for s in self._segments for op in s if isinstance(op, tuple) and op[0] != "stamp"), default=0)
+        if largest < PARALLEL:
+            self.threads = 1
+        while len(_workers) < self.threads - 1:
+            _workers.append(_Worker())
+        self._ready = []
+        for segment in self._segments:
+            if segment and callable(segment[0]):
+                self._ready.append(segment[0])
+            elif segment:
+                self._ready.append([self._capture(segment, thread) for thread in range(self.threads)])
+        return self
+
+    def _capture(self, segment: list, thread: int):
+        with wp.ScopedCapture(device=self.device) as capture:
+            count = 0
+            for op in segment:
+                if op == "barrier":
+                    if self.threads > 1:
+                        wp.launch(barrier, 1, inputs=[0, self._meet, self.threads], device="cpu")
+                elif op[0] == "stamp":
+                    if thread == 0:
+                        wp.launch(stamp, 1, inputs=[0, op[1], self.ticks], device=self.device)
+                else:
+                    kernel, n, inputs = op
+                    if n < SMALL:  # whole, to one thread in turn
+                        begin, end = (0, n) if count % self.threads == thread else (0, 0)
+                        count += 1
+                    else:
+                        begin, end = n * thread // self.threads, n * (thread + 1) // self.threads
+                    if end > begin:
+                        wp.launch(kernel, end - begin, inputs=[begin, *inputs], device=self.device)
+            if self.threads > 1:
+                wp.launch(barrier, 1, inputs=[0, self._meet, self.threads], device="cpu")
+        return capture.graph
+
+    def run(self) -> None:
+        """Replay. On return all results are visible to the host (on CUDA: once it synchronises)."""
+        assert self._ready is not None, "Program.finish() was not called"
+        began = time.perf_counter()
+        for part in self._ready:
+            if callable(part):
+                part()
+            else:
+                self._replay(part)
+        self._time(time.perf_counter() - began)
+
+    def _replay(self, graphs: list) -> None:
+        helpers = _workers[: len(graphs) - 1]
+        started = 0
+        try:
+            for worker, graph in zip(helpers, graphs[1:], strict=True):
+                worker.graph = graph
+                worker.go.release()
+                started += 1
+            wp.capture_launch(graphs[0])
+            for worker in helpers:
+                worker.done.acquire()
+                started -= 1
+        except BaseException:  # an interrupt before our own part ran: release those who wait for us, then tell
+            flags = self._meet.numpy()
+            flags[16] = 1
+            for worker in helpers[len(helpers) - started :]:
+                worker.done.acquire(timeout=5.0)
+            flags[:] = 0
+            raise
+
+    def _time(self, wall: float) -> None:
+        """Seconds by stage: the share of each in the clock ticks, times the wall time."""
+        if not self.stages or wp.get_device(self.device).is_cuda:
+            return
+        ticks = self.ticks.numpy()[: len(self.stages) + 1]
+        spans = np.maximum(np.diff(ticks), 0.0)
+        total = spans.sum()
+        self.seconds = {}
+        for name, span in zip(self.stages, spans, strict=True):
+            self.seconds[name] = self.seconds.get(name, 0.0) + (wall * span / total if total > 0 else 0.0)

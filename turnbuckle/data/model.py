@@ -1,0 +1,85 @@
+"""Model: what is constant in a run. Arrays of points come body after body."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+import warp as wp
+
+from turnbuckle.data.shape import Shape
+
+ForceField = Callable[[np.ndarray, np.ndarray, float, np.ndarray], np.ndarray]
+"""``f(x (n, 3) [m], v (n, 3) [m/s], t [s], mass (n,) [kg]) -> (n, 3) [N]``."""
+
+
+@dataclass(frozen=True)
+class Springs:
+    """Distance energies on pairs of points (:mod:`turnbuckle.bodies.springs`)."""
+
+    pairs: np.ndarray  # (n, 2) int32
+    length: np.ndarray  # (n,) rest length [m]
+    k: np.ndarray  # (n,) [J]; stiffness [N/m] times length^2
+    k_d: np.ndarray  # (n,) [J s]
+
+
+@dataclass(frozen=True)
+class Tetrahedra:
+    """Solids (:mod:`turnbuckle.bodies.tetrahedra`). Unique edges and triangles carry one energy each."""
+
+    corners: np.ndarray  # (n, 4) int32, det > 0
+    material: np.ndarray  # (n,) int32, row of `materials`
+    materials: np.ndarray  # (bodies, 6): k_distance, k_area, k_volume [J], and their k_d [J s]
+    volume: np.ndarray  # (n,) rest volume [m^3]
+    edges: np.ndarray  # (e, 2) int32, unique
+    edge_length: np.ndarray  # (e,) rest length [m]
+    edge_material: np.ndarray  # (e,) int32
+    triangles: np.ndarray  # (f, 3) int32, unique, inner ones included
+    triangle_area: np.ndarray  # (f,) rest area [m^2]
+    triangle_material: np.ndarray  # (f,) int32
+
+
+@dataclass(frozen=True)
+class Field:
+    """A force field on some points."""
+
+    name: str
+    points: np.ndarray  # (n,) int32
+    force: ForceField
+
+
+@dataclass(frozen=True)
+class Model:
+    """All that is constant. Masses in kg, lengths in m."""
+
+    name: str
+    device: str
+    up_axis: str
+    integrator: str
+    response: str  # "exact" | "paper"
+    conflicts: str  # "error" | "solve"
+    mass: np.ndarray  # (points,) [kg]
+    rest: np.ndarray  # (points, 3), where the points start [m]
+    size: float  # diagonal of the box around all points at the start [m]; residuals are judged against it
+    springs: Springs
+    tetrahedra: Tetrahedra
+    fields: tuple[Field, ...]
+    shapes: tuple[Shape, ...]
+    repairs: tuple[str, ...] = ()  # what was mended in the user's meshes, one line each
+    device_arrays: dict[str, wp.array] = field(default_factory=dict)  # uploaded once by build()
+
+    @property
+    def points(self) -> int:
+        """Number of mass points."""
+        return len(self.mass)
+
+    @property
+    def damped(self) -> bool:
+        """Whether any element dissipates."""
+        return bool((self.springs.k_d > 0).any() or (self.tetrahedra.materials[:, 3:] > 0).any())
+
+    def shape(self, name: str) -> Shape:
+        """The body called ``name``."""
+        for shape in self.shapes:
+            if shape.name == name:
+                return shape
+        raise KeyError(name)

@@ -1,0 +1,30 @@
+"""Reports: what a step and a run tell about themselves. Plain data."""
+
+from dataclasses import dataclass, field
+
+
+@dataclass
+class StepReport:
+    """One step. Residuals are measured on the committed state (see `turnbuckle.step.certificate`)."""
+
+    status: str = "ok"  # "ok" | "degraded" | "failed"
+    messages: list[str] = field(default_factory=list)  # why it is not "ok", what broke, advice
+    time: float = 0.0  # at the end of the step [s]
+    dt: float = 0.0  # [s]
+    position_residual: dict[str, float] = field(default_factory=dict)  # [m] by kind, of fully active constraints
+    rate_residual: dict[str, float] = field(default_factory=dict)  # [m/s] by kind
+    active: dict[str, int] = field(default_factory=dict)  # constraints acting, by kind
+    ramping: int = 0  # constraints in gradual activation
+    broken: list[str] = field(default_factory=list)  # constraints that broke in this step
+    momentum_error: tuple[float, float] = (0.0, 0.0)  # change by internal constraints: linear over sum m|v|, angular over sum m|x||v|
+    energies: dict[str, float] = field(default_factory=dict)  # kinetic, elastic, gravity, work, dissipation [J]
+    iterations: dict[str, int] = field(default_factory=dict)  # by solver
+    rounds: int = 0  # of constraint manifold refinement
+    halvings: int = 0
+    smallest_gap: float | None = None  # [m] certified by continuous collision detection
+    seconds: dict[str, float] = field(default_factory=dict)  # wall time by stage, and "total"
+
+    @property
+    def worst_residual(self) -> float:
+        """The largest position residual of all kinds [m]."""
+        return max(self.position_residual.values(), default=0.0)

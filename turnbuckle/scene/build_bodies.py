@@ -1,0 +1,218 @@
+"""From the definition of a body to points, masses, springs, tetrahedra, and what is drawn of it."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from turnbuckle.data.errors import InputError
+from turnbuckle.data.shape import Shape, Skin
+from turnbuckle.meshes.embedding import embed
+from turnbuckle.meshes.read import LineMesh, SurfaceMesh, TetMesh, read_mesh
+from turnbuckle.meshes.repair import check_surface, repair_tetrahedra
+from turnbuckle.meshes.shapes import (
+    boundary_triangles,
+    box_tetrahedra,
+    cylinder_tetrahedra,
+    grid_sheet,
+    six_volumes,
+)
+from turnbuckle.meshes.tetrahedralise import tetrahedralise
+from turnbuckle.scene.definitions import RopeDef, SheetDef, SolidDef
+
+
+@dataclass
+class Body:
+    """One body in local numbers. Positions in the world [m]."""
+
+    name: str
+    x: np.ndarray  # (n, 3)
+    mass: np.ndarray  # (n,) [kg]
+    velocity: np.ndarray  # (3,)
+    shape: Shape
+    pairs: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), np.int32))
+    stiffness: np.ndarray = field(default_factory=lambda: np.zeros(0))  # [N/m]
+    damping: np.ndarray = field(default_factory=lambda: np.zeros(0))  # [N s/m]
+    tetrahedra: np.ndarray = field(default_factory=lambda: np.zeros((0, 4), np.int32))
+    material: tuple[float, ...] = (0.0,) * 6
+    repairs: str = ""
+
+
+def build_body(definition: RopeDef | SheetDef | SolidDef, folder: Path) -> Body:
+    """Make a body; mesh paths are relative to ``folder``. Raises InputError that names the body."""
+    try:
+        if isinstance(definition, RopeDef):
+            return _rope(definition, folder)
+        if isinstance(definition, SheetDef):
+            return _sheet(definition, folder)
+        return _solid(definition, folder)
+    except InputError as error:
+        raise InputError(f"body '{definition.name}': {error}") from None
+
+
+def _placed(definition: RopeDef | SheetDef | SolidDef, points: np.ndarray) -> np.ndarray:
+    """x = position + R (scale p)."""
+    scaled = np.asarray(points, dtype=np.float64) * definition.scale
+    if np.any(definition.rotation != 0.0):
+        scaled = Rotation.from_rotvec(definition.rotation).apply(scaled)
+    return np.ascontiguousarray(scaled + definition.position)
+
+
+def _mesh(definition: RopeDef | SheetDef | SolidDef, folder: Path, name: str) -> SurfaceMesh | TetMesh | LineMesh:
+    return read_mesh(folder / Path(getattr(definition, name)).expanduser())
+
+
+def _lumped(n: int, elements: np.ndarray, measure: np.ndarray, definition: object, what: str) -> np.ndarray:
+    """Masses of points: each element's measure times density, shared out among its points."""
+    if (measure <= 0.0).any():
+        raise InputError(f"element {int(np.argmax(measure <= 0.0))} has no {what}; remove it or move its points apart")
+    total = definition.mass if definition.mass is not None else definition.density * measure.sum()
+    share = np.repeat(measure / measure.sum() / elements.shape[1], elements.shape[1])
+    mass = np.bincount(elements.ravel(), weights=share, minlength=n) * total
+    loose = np.flatnonzero(mass == 0.0)
+    if len(loose):
+        raise InputError(f"point {loose[0]} (one of {len(loose)}) belongs to no element and would have no mass; remove it")
+    return mass
+
+
+def _rope(d: RopeDef, folder: Path) -> Body:
+    lines = d.lines
+    if d.points is not None:
+        points = d.points
+    elif d.mesh is not None:
+        mesh = _mesh(d, folder, "mesh")
+        if isinstance(mesh, LineMesh):
+            points, lines = mesh.vertices, mesh.lines
+        elif isinstance(mesh, SurfaceMesh):
+            points, lines = mesh.vertices, unique_edges(mesh.triangles, len(mesh.vertices))
+        else:
+            raise InputError(f"mesh '{d.mesh}' has tetrahedra; a rope takes lines or the edges of a surface")
+    else:
+        points = d.start + np.linspace(0.0, 1.0, d.segments + 1)[:, None] * (d.end - d.start)
+    n = len(points)
+    if lines is None:
+        lines = np.stack([np.arange(n - 1), np.arange(1, n)], axis=1)
+    lines = np.asarray(lines, dtype=np.int32)
+    x = _placed(d, points)
+    length = np.linalg.norm(x[lines[:, 1]] - x[lines[:, 0]], axis=1)
+    mass = _lumped(n, lines, length, d, "length")
+    pairs, k, c = [lines], [np.full(len(lines), d.stretch_stiffness)], [np.full(len(lines), d.damping)]
+    if d.bend_stiffness > 0.0 or d.bend_damping > 0.0:
+        bend = _two_apart(lines, n)
+        pairs.append(bend)
+        k.append(np.full(len(bend), d.bend_stiffness))
+        c.append(np.full(len(bend), d.bend_damping))
+    shape = Shape(d.name, 0, n, lines=lines, color=_color(d))
+    return Body(d.name, x, mass, d.velocity, shape, np.concatenate(pairs), np.concatenate(k), np.concatenate(c))
+
+
+def _two_apart(lines: np.ndarray, n: int) -> np.ndarray:
+    """Pairs of points two apart along a line: the other ends of the two lines at each point where just two meet."""
+    ends = np.concatenate([lines, lines[:, ::-1]])
+    ends = ends[np.argsort(ends[:, 0], kind="stable")]
+    degree = np.bincount(ends[:, 0], minlength=n)
+    first = np.cumsum(degree) - degree
+    inner = np.flatnonzero(degree == 2)
+    return np.stack([ends[first[inner], 1], ends[first[inner] + 1, 1]], axis=1).astype(np.int32)
+
+
+def _sheet(d: SheetDef, folder: Path) -> Body:
+    shear = np.zeros((0, 2), np.int32)
+    if d.size is not None:
+        grid = grid_sheet(tuple(d.size), tuple(int(c) for c in d.cells))
+        points, triangles, edges, shear, bend = grid.vertices, grid.triangles, grid.structural, grid.shear, grid.bend
+    else:
+        if d.mesh is not None:
+            mesh = _mesh(d, folder, "mesh")
+            if not isinstance(mesh, SurfaceMesh):
+                raise InputError(f"mesh '{d.mesh}' has no triangles; a {d.type} takes a triangle mesh")
+            points, triangles = mesh.vertices, mesh.triangles
+        else:
+            points, triangles = d.vertices, d.triangles
+        edges = unique_edges(triangles, len(points))
+        bend = _across_edges(triangles, len(points))
+    x = _placed(d, points)
+    corner = x[triangles]
+    area = 0.5 * np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
+    mass = _lumped(len(x), triangles, area, d, "area")
+    springs = [
+        (pairs, stiffness)
+        for pairs, stiffness in ((edges, d.structural_stiffness), (shear, d.shear_stiffness), (bend, d.bend_stiffness))
+        if stiffness > 0.0 and len(pairs)
+    ]
+    pairs = np.concatenate([np.zeros((0, 2), np.int32), *(p for p, _ in springs)])
+    k = np.concatenate([np.zeros(0), *(np.full(len(p), s) for p, s in springs)])
+    drawn = {"lines": edges} if d.type == "net" else {"triangles": np.asarray(triangles, dtype=np.int32)}
+    shape = Shape(d.name, 0, len(x), color=_color(d), **drawn)
+    return Body(d.name, x, mass, d.velocity, shape, pairs.astype(np.int32), k, np.full(len(k), d.damping))
+
+
+def _across_edges(triangles: np.ndarray, n: int) -> np.ndarray:
+    """Pairs of points opposite each edge that two triangles share."""
+    t = np.asarray(triangles, dtype=np.int64)
+    ends = np.sort(np.concatenate([t[:, [1, 2]], t[:, [2, 0]], t[:, [0, 1]]]), axis=1)
+    opposite = np.concatenate([t[:, 0], t[:, 1], t[:, 2]])
+    key = ends[:, 0] * n + ends[:, 1]
+    order = np.argsort(key, kind="stable")
+    same = np.flatnonzero(key[order][1:] == key[order][:-1])
+    pairs = np.stack([opposite[order[same]], opposite[order[same + 1]]], axis=1)
+    return pairs[pairs[:, 0] != pairs[:, 1]].astype(np.int32)
+
+
+def _solid(d: SolidDef, folder: Path) -> Body:
+    surface: SurfaceMesh | None = None
+    if d.box is not None:
+        points, cells = box_tetrahedra(tuple(d.box.size), tuple(int(c) for c in d.box.cells))
+    elif d.cylinder is not None:
+        c = d.cylinder
+        points, cells = cylinder_tetrahedra(c.radius, c.length, c.around, c.along)
+        points = points[:, [1, 2, 0]]  # the mesh lies along x, the definition stands along z
+    elif d.mesh is not None:
+        mesh = _mesh(d, folder, "mesh")
+        if isinstance(mesh, TetMesh):
+            points, cells = mesh.vertices, mesh.tetrahedra
+        elif isinstance(mesh, SurfaceMesh):
+            vertices, triangles, _ = check_surface(mesh.vertices, mesh.triangles)
+            surface = SurfaceMesh(vertices, triangles)
+            edge = None if d.edge_length is None else d.edge_length / d.scale
+            points, cells = tetrahedralise(vertices, triangles, edge_length=edge)
+        else:
+            raise InputError(f"mesh '{d.mesh}' has lines only; a solid takes a closed surface or tetrahedra")
+    else:
+        points, cells = d.vertices, d.tetrahedra
+    points, cells, report = repair_tetrahedra(points, cells)
+    if d.surface is not None:
+        finer = _mesh(d, folder, "surface")
+        if not isinstance(finer, SurfaceMesh):
+            raise InputError(f"surface '{d.surface}' has no triangles")
+        surface = finer
+    skin = None
+    if surface is not None:
+        corners, weights = embed(surface.vertices, points, cells)
+        skin = Skin(corners, weights, surface.triangles)
+    x = _placed(d, points)
+    volume = six_volumes(x, cells) / 6.0
+    mass = _lumped(len(x), cells, volume, d, "volume")
+    shape = Shape(
+        d.name, 0, len(x), triangles=boundary_triangles(cells), tetrahedra=np.asarray(cells, dtype=np.int32), skin=skin,
+        color=_color(d),
+    )  # fmt: skip
+    material = (d.k_distance, d.k_area, d.k_volume, d.damping_distance, d.damping_area, d.damping_volume)
+    repairs = "" if report.clean else f"{d.name}: {report.summary()}"
+    return Body(
+        d.name, x, mass, d.velocity, shape, tetrahedra=np.asarray(cells, dtype=np.int32), material=material, repairs=repairs
+    )
+
+
+def unique_edges(elements: np.ndarray, n: int) -> np.ndarray:
+    """The edges of triangles or tetrahedra over n points, each once, (m, 2) int32."""
+    e = np.asarray(elements, dtype=np.int64)
+    k = e.shape[1]
+    ends = np.concatenate([np.sort(e[:, [a, b]], axis=1) for a in range(k) for b in range(a + 1, k)])
+    keys = np.unique(ends[:, 0] * n + ends[:, 1])
+    return np.stack([keys // n, keys % n], axis=1).astype(np.int32)
+
+
+def _color(d: RopeDef | SheetDef | SolidDef) -> tuple[float, float, float] | None:
+    return None if d.color is None else tuple(float(c) for c in d.color)  # type: ignore[return-value]

@@ -1,0 +1,318 @@
+"""What is measured on the committed state. Shares no code with the solvers: distances are taken from positions alone.
+
+Maxima and sums are made in tiles of fixed size, tile by tile in order, so they do not depend on the number of threads.
+"""
+
+import numpy as np
+import warp as wp
+
+from turnbuckle.compute import Program
+from turnbuckle.data.state import GRAVITY, State
+from turnbuckle.math.types import real, vec3
+
+wp.set_module_options({"enable_backward": False})
+
+TILE = 256
+MEASURES = 6  # per tile of points, see `measure_points`
+
+
+@wp.kernel
+def nail_residuals(
+    begin: int,
+    phase: wp.array(dtype=wp.int32),
+    point: wp.array(dtype=wp.int32),
+    goal: wp.array(dtype=vec3),
+    rate: wp.array(dtype=vec3),
+    x: wp.array(dtype=vec3),
+    v: wp.array(dtype=vec3),
+    position_out: wp.array(dtype=real),
+    rate_out: wp.array(dtype=real),
+):
+    """Distance to the goal [m], and of the velocity to the goal's rate [m/s]."""
+    c = begin + wp.tid()
+    p = real(0.0)
+    r = real(0.0)
+    if phase[c] == 0 or phase[c] == -2:
+        i = point[c]
+        p = wp.length(x[i] - goal[c])
+        r = wp.length(v[i] - rate[c])
+    position_out[c] = p
+    rate_out[c] = r
+
+
+@wp.kernel
+def join_residuals(
+    begin: int,
+    phase: wp.array(dtype=wp.int32),
+    offsets: wp.array(dtype=wp.int32),
+    points: wp.array(dtype=wp.int32),
+    x: wp.array(dtype=vec3),
+    v: wp.array(dtype=vec3),
+    position_out: wp.array(dtype=real),
+    rate_out: wp.array(dtype=real),
+):
+    """The largest distance of a point from the one before it in the row, of positions and velocities."""
+    c = begin + wp.tid()
+    p = real(0.0)
+    r = real(0.0)
+    if phase[c] == 0 or phase[c] == -2:
+        for e in range(offsets[c] + 1, offsets[c + 1]):
+            i = points[e]
+            j = points[e - 1]
+            p = wp.max(p, wp.length(x[i] - x[j]))
+            r = wp.max(r, wp.length(v[i] - v[j]))
+    position_out[c] = p
+    rate_out[c] = r
+
+
+@wp.kernel
+def place_residuals(
+    begin: int,
+    phase: wp.array(dtype=wp.int32),
+    count: wp.array(dtype=wp.int32),
+    points: wp.array2d(dtype=wp.int32),
+    weights: wp.array2d(dtype=real),
+    x: wp.array(dtype=vec3),
+    v: wp.array(dtype=vec3),
+    position_out: wp.array(dtype=real),
+    rate_out: wp.array(dtype=real),
+):
+    """Distance of a point from its place on a line, triangle or tetrahedron, ``|x_0 - sum alpha_k x_k|``."""
+    c = begin + wp.tid()
+    place = vec3()
+    drift = vec3()
+    if phase[c] == 0 or phase[c] == -2:
+        for k in range(count[c]):
+            place += weights[c, k] * x[points[c, k]]
+            drift += weights[c, k] * v[points[c, k]]
+    position_out[c] = wp.length(place)
+    rate_out[c] = wp.length(drift)
+
+
+@wp.kernel
+def slide_residuals(
+    begin: int,
+    phase: wp.array(dtype=wp.int32),
+    count: wp.array(dtype=wp.int32),
+    points: wp.array2d(dtype=wp.int32),
+    weights: wp.array2d(dtype=real),
+    directions: wp.array(dtype=wp.mat33d),
+    x: wp.array(dtype=vec3),
+    v: wp.array(dtype=vec3),
+    position_out: wp.array(dtype=real),
+    rate_out: wp.array(dtype=real),
+):
+    """Distance of a sliding point from its line or triangle (its own projection, no clamped search), and its velocity off it."""
+    c = begin + wp.tid()
+    p = real(0.0)
+    r = real(0.0)
+    if phase[c] == 0 or phase[c] == -2:
+        place = vec3()
+        drift = vec3()
+        for k in range(count[c]):
+            place += weights[c, k] * x[points[c, k]]
+            drift += weights[c, k] * v[points[c, k]]
+        p = wp.length(place)
+        r = wp.length(directions[c] * drift)
+    position_out[c] = p
+    rate_out[c] = r
+
+
+@wp.kernel
+def velocity_residuals(
+    begin: int,
+    phase: wp.array(dtype=wp.int32),
+    point: wp.array(dtype=wp.int32),
+    goal: wp.array(dtype=vec3),
+    v: wp.array(dtype=vec3),
+    rate_out: wp.array(dtype=real),
+):
+    """Distance of the velocity to its goal [m/s]."""
+    c = begin + wp.tid()
+    r = real(0.0)
+    if phase[c] == 0 or phase[c] == -2:
+        r = wp.length(v[point[c]] - goal[c])
+    rate_out[c] = r
+
+
+@wp.kernel
+def tile_maxima(begin: int, values: wp.array(dtype=real), tile_out: wp.array(dtype=real)):
+    """The largest of each tile of values; a value that is not finite counts as 1e300."""
+    t = begin + wp.tid()
+    best = real(0.0)
+    for i in range(t * TILE, wp.min((t + 1) * TILE, values.shape[0])):
+        value = values[i]
+        if not wp.isfinite(value):
+            value = real(1e300)
+        best = wp.max(best, value)
+    tile_out[t] = best
+
+
+@wp.kernel
+def tile_sums(begin: int, values: wp.array(dtype=real), tile_out: wp.array(dtype=real)):
+    """The sum of each tile of values."""
+    t = begin + wp.tid()
+    total = real(0.0)
+    for i in range(t * TILE, wp.min((t + 1) * TILE, values.shape[0])):
+        total += values[i]
+    tile_out[t] = total
+
+
+@wp.kernel
+def tile_powers(
+    begin: int,
+    phase: wp.array(dtype=wp.int32),
+    force: wp.array(dtype=vec3),
+    rate: wp.array(dtype=vec3),
+    tile_out: wp.array(dtype=real),
+):
+    """The power of nails or velocity goals, ``sum F . rate`` of each tile [W]."""
+    t = begin + wp.tid()
+    total = real(0.0)
+    for c in range(t * TILE, wp.min((t + 1) * TILE, phase.shape[0])):
+        if phase[c] != -1:
+            total += wp.dot(force[c], rate[c])
+    tile_out[t] = total
+
+
+@wp.kernel
+def internal_momentum(
+    begin: int,
+    mass: wp.array(dtype=real),
+    external: wp.array(dtype=wp.uint8),
+    x: wp.array(dtype=vec3),
+    v: wp.array(dtype=vec3),
+    tile_out: wp.array2d(dtype=real),
+):
+    """Linear and angular momentum of the points of each tile that no nail or velocity goal holds."""
+    t = begin + wp.tid()
+    p = vec3()
+    l = vec3()
+    for i in range(t * TILE, wp.min((t + 1) * TILE, mass.shape[0])):
+        if external[i] == wp.uint8(0):
+            mv = v[i] * mass[i]
+            p += mv
+            l += wp.cross(x[i], mv)
+    for k in range(3):
+        tile_out[t, k] = p[k]
+        tile_out[t, 3 + k] = l[k]
+
+
+@wp.kernel
+def measure_points(
+    begin: int,
+    mass: wp.array(dtype=real),
+    params: wp.array(dtype=real),
+    x: wp.array(dtype=vec3),
+    v: wp.array(dtype=vec3),
+    tile_out: wp.array2d(dtype=real),
+):
+    """Kinetic energy, gravity energy, ``sum m|v|``, ``sum m|x||v|``, largest ``|x|`` and ``|v|`` of each tile."""
+    t = begin + wp.tid()
+    g = vec3(params[GRAVITY], params[GRAVITY + 1], params[GRAVITY + 2])
+    kinetic = real(0.0)
+    potential = real(0.0)
+    linear = real(0.0)
+    angular = real(0.0)
+    farthest = real(0.0)
+    fastest = real(0.0)
+    for i in range(t * TILE, wp.min((t + 1) * TILE, mass.shape[0])):
+        m = mass[i]
+        v2 = wp.dot(v[i], v[i])
+        speed = wp.sqrt(v2)
+        kinetic += real(0.5) * m * v2
+        potential -= m * wp.dot(g, x[i])
+        linear += m * speed
+        distance = wp.length(x[i])
+        angular += m * speed * distance
+        farthest = wp.max(farthest, distance)
+        fastest = wp.max(fastest, speed)
+    tile_out[t, 4] = farthest
+    tile_out[t, 5] = fastest
+    tile_out[t, 0] = kinetic
+    tile_out[t, 1] = potential
+    tile_out[t, 2] = linear
+    tile_out[t, 3] = angular
+
+
+def tiles(n: int) -> int:
+    """Number of tiles over n values."""
+    return max(-(-n // TILE), 1)
+
+
+class Certificate:
+    """Records the measurements of a step and reads them out."""
+
+    def __init__(self, state: State, points: int, device: str) -> None:
+        self.state = state
+        self.device = device
+        self.points = wp.zeros((tiles(points), MEASURES), dtype=real, device=device)
+        self.before = wp.zeros((tiles(points), 6), dtype=real, device=device)
+        self.after = wp.zeros((tiles(points), 6), dtype=real, device=device)
+        self.maxima: dict[str, tuple[wp.array, wp.array]] = {}
+        self.powers: dict[str, wp.array] = {}
+        for kind, table in state.tables.by_kind().items():
+            n = tiles(len(table.phase))
+            self.maxima[kind] = (wp.zeros(n, dtype=real, device=device), wp.zeros(n, dtype=real, device=device))
+            self.powers[kind] = wp.zeros(n, dtype=real, device=device)
+
+    def record_momentum(self, p: Program, mass: wp.array, x: wp.array, v: wp.array, after: bool) -> None:
+        """Record the momentum of points without external constraints, before and after constraints are met."""
+        out = self.after if after else self.before
+        p.launch(internal_momentum, out.shape[0], [mass, self.state.external, x, v, out])
+
+    def record(self, p: Program, mass: wp.array, x: wp.array, v: wp.array, lands_later: bool) -> None:
+        """Record all measurements of the state ``(x, v)``."""
+        tables = self.state.tables
+        t = tables.nail
+        if t.rows:
+            goal = t.goal_now if lands_later else t.goal
+            given = [t.phase, t.point, goal, t.rate, x, v]
+            p.launch(nail_residuals, len(t.phase), [*given, t.position_residual, t.rate_residual])
+            p.launch(tile_powers, tiles(len(t.phase)), [t.phase, t.force, t.rate, self.powers["nail"]])
+        t = tables.points_to_point
+        if t.rows:
+            given = [t.phase, t.offsets, t.points, x, v]
+            p.launch(join_residuals, len(t.phase), [*given, t.position_residual, t.rate_residual])
+        t = tables.attach
+        if t.rows:
+            given = [t.phase, t.count, t.points, t.weights, x, v]
+            p.launch(place_residuals, len(t.phase), [*given, t.position_residual, t.rate_residual])
+        t = tables.slide
+        if t.rows:
+            given = [t.phase, t.count, t.points, t.weights, t.directions, x, v]
+            p.launch(slide_residuals, len(t.phase), [*given, t.position_residual, t.rate_residual])
+        t = tables.velocity
+        if t.rows:
+            p.launch(velocity_residuals, len(t.phase), [t.phase, t.point, t.goal, v, t.rate_residual])
+            p.launch(tile_powers, tiles(len(t.phase)), [t.phase, t.force, t.goal, self.powers["velocity"]])
+        p.launch(measure_points, self.points.shape[0], [mass, self.state.params, x, v, self.points])
+        p.barrier()
+        for kind, table in tables.by_kind().items():
+            if table.rows:
+                position, rate = self.maxima[kind]
+                p.launch(tile_maxima, len(position), [table.position_residual, position])
+                p.launch(tile_maxima, len(rate), [table.rate_residual, rate])
+
+    def residuals(self, kind: str) -> tuple[float, float]:
+        """Largest position residual [m] and rate residual [m/s] of fully active rows of a kind."""
+        position, rate = self.maxima[kind]
+        return float(position.numpy().max()), float(rate.numpy().max())
+
+    def power(self) -> float:
+        """Power of nails and velocity goals [W]."""
+        return float(self.powers["nail"].numpy().sum() + self.powers["velocity"].numpy().sum())
+
+    def totals(self) -> np.ndarray:
+        """Kinetic energy [J], gravity energy [J], sum m|v|, sum m|x||v|, largest |x| and |v|."""
+        values = self.points.numpy()
+        return np.r_[values[:, :4].sum(axis=0), values[:, 4:].max(axis=0)]
+
+    def momentum_error(self, scale_linear: float, scale_angular: float) -> tuple[float, float]:
+        """Change of momentum by internal constraints, relative to the scales of `totals`."""
+        change = self.after.numpy().sum(axis=0) - self.before.numpy().sum(axis=0)
+        linear, angular = np.linalg.norm(change[:3]), np.linalg.norm(change[3:])
+        return (
+            float(linear / scale_linear) if scale_linear > 0.0 else 0.0,
+            float(angular / scale_angular) if scale_angular > 0.0 else 0.0,
+        )

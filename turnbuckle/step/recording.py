@@ -1,0 +1,278 @@
+"""Recording of a step: forces, predictions and constraints as launches of one `Program`."""
+
+from collections.abc import Callable
+
+import numpy as np
+import warp as wp
+
+from turnbuckle.bodies.gather import gather_forces
+from turnbuckle.bodies.springs import spring_forces
+from turnbuckle.bodies.tetrahedra import tetrahedra_forces
+from turnbuckle.compute import Program
+from turnbuckle.constraints import rows as constraint_rows
+from turnbuckle.constraints.activation import has_joint_rows
+from turnbuckle.constraints.points import attach, nail, points_to_point, slide, velocity
+from turnbuckle.data.model import Model
+from turnbuckle.data.state import Kinematics, State
+from turnbuckle.data.tables import JOINT
+from turnbuckle.integrators import Scheme
+from turnbuckle.solvers.implicit import ImplicitSolver
+from turnbuckle.solvers.joint import JointSolver
+
+
+class Scratch:
+    """What a step needs and can be thrown away between steps."""
+
+    def __init__(self, model: Model, state: State) -> None:
+        device, arrays = model.device, model.device_arrays
+        self.vectors: dict[str, wp.array] = {}
+        self._unused: dict[tuple, wp.array] = {}
+        self.one = wp.ones(1, dtype=wp.float64, device=device)
+        self.element_force = wp.zeros(max(arrays["slots_total"], 1), dtype=wp.vec3d, device=device)
+        self.spring_energy = wp.zeros(max(len(model.springs.pairs), 1), dtype=wp.float64, device=device)
+        self.spring_power = wp.zeros_like(self.spring_energy)
+        self.block_energy = wp.zeros(max(arrays["blocks"], 1), dtype=wp.float64, device=device)
+        self.block_power = wp.zeros_like(self.block_energy)
+        self.field_power = 0.0  # of force fields at the state last evaluated [W]
+        self.implicit = ImplicitSolver(model) if model.integrator in ("implicit_euler", "newmark") else None
+        self.surfaces = slide.upload(state.tables.domains, state.now.x, device) if state.tables.domains else None
+        self.joint: JointSolver | None = None
+        self.row_forces: Callable[[], None] | None = None
+
+    def unused(self, like: wp.array) -> wp.array:
+        """An array of the shape of ``like`` for results that nobody reads."""
+        key = (like.dtype, like.shape[0])
+        if key not in self._unused:
+            self._unused[key] = wp.zeros_like(like)
+        return self._unused[key]
+
+    def zeros_like(self, like: wp.array) -> wp.array:
+        """An array of zeros that stays alive with the scratch."""
+        key = ("zero", like.shape[0])
+        if key not in self._unused:
+            self._unused[key] = wp.zeros_like(like)
+        return self._unused[key]
+
+    def vector(self, name: str, points: int, device: str) -> wp.array:
+        """A vector for each point, by name."""
+        if name not in self.vectors:
+            self.vectors[name] = wp.zeros(points, dtype=wp.vec3d, device=device)
+        return self.vectors[name]
+
+
+class StepRecorder:
+    """Records one program for one scheme; what a scheme may use is `turnbuckle.integrators.scheme.Recorder`."""
+
+    def __init__(self, model: Model, state: State, scratch: Scratch, now: Kinematics, ahead: Kinematics) -> None:
+        self.model, self.state, self.work = model, state, scratch
+        self.now, self.ahead = now, ahead
+        self.mass = model.device_arrays["mass"]
+        self.params = state.params
+        self.paper = model.response == "paper"
+        self.program = Program(model.device)
+
+    def launch(self, kernel: wp.Kernel, inputs: list) -> None:
+        """Record a kernel over all points, and wait for it."""
+        self.program.launch(kernel, self.model.points, inputs)
+        self.program.barrier()
+
+    def scratch(self, name: str) -> wp.array:
+        """A vector for each point, by name."""
+        return self.work.vector(name, self.model.points, self.model.device)
+
+    # Forces --------------------------------------------------------------------------------------------------------
+
+    def forces(self, x: wp.array, v: wp.array, force_out: wp.array, time: float) -> None:
+        """Record all forces at ``(x, v, t + time h)``: elements, gathered with gravity, then force fields."""
+        p, arrays, work = self.program, self.model.device_arrays, self.work
+        p.barrier()
+        if len(self.model.springs.pairs):
+            given = [arrays[k] for k in ("spring_pairs", "spring_inverse_length", "spring_k", "spring_k_d")]
+            out = [work.element_force, work.spring_energy, work.spring_power]
+            p.launch(spring_forces, len(self.model.springs.pairs), [*given, x, v, *out])
+        if arrays["blocks"]:
+            given = [arrays[k] for k in ("block_corners", "block_mask", "block_material", "materials", "block_rest")]
+            out = [work.element_force, work.block_energy, work.block_power]
+            kernel = tetrahedra_forces(arrays["lanes"])
+            p.launch(kernel, arrays["blocks"], [*given, len(self.model.springs.pairs), x, v, *out])
+        p.barrier()
+        given = [self.mass, arrays["slot_offsets"], arrays["slots"], work.element_force, self.params]
+        p.launch(gather_forces, self.model.points, [*given, force_out])
+        p.barrier()
+        if self.model.fields:
+            p.host(lambda: self._add_fields(x, v, force_out, time))
+
+    def _add_fields(self, x: wp.array, v: wp.array, force_out: wp.array, time: float) -> None:
+        positions, velocities, total = x.numpy(), v.numpy(), force_out.numpy()
+        t = self.state.time + time * self.params.numpy()[0]
+        power = 0.0
+        for f in self.model.fields:
+            points = f.points
+            value = np.asarray(f.force(positions[points], velocities[points], t, self.model.mass[points]), dtype=float)
+            if value.shape != (len(points), 3) or not np.isfinite(value).all():
+                raise FloatingPointError(
+                    f"force '{f.name}' gave values of shape {value.shape}, or not finite, at t = {t:g} s; "
+                    f"expected finite numbers of shape ({len(points)}, 3)"
+                )
+            total[points] += value
+            power += float(np.einsum("nd,nd->", value, velocities[points]))
+        self.work.field_power = power
+        if not force_out.device.is_cpu:
+            force_out.assign(total)
+
+    # Constraints ---------------------------------------------------------------------------------------------------
+
+    def constrain(self, acceleration: wp.array) -> None:
+        """Record the projection of accelerations on all active constraints (nothing under ``response="paper"``)."""
+        if self.paper:
+            return
+        p, t, mass = self.program, self.state.tables, self.mass
+        if t.nail.rows:
+            nail.project(p, t.nail, mass, acceleration, t.nail.acceleration, t.nail.force)
+        if t.points_to_point.rows:
+            joins = t.points_to_point
+            points_to_point.project(p, joins, mass, acceleration, joins.force, joins.point_force)
+        if t.attach.rows:
+            attach.project(p, t.attach, mass, acceleration, t.attach.force)
+        if t.velocity.rows:
+            velocity.project(p, t.velocity, self.params, mass, acceleration, t.velocity.force)
+        p.barrier()
+        if t.slide.rows:
+            slide.project(p, t.slide, self.state.nailed, mass, acceleration, t.slide.force)
+            p.barrier()
+        if has_joint_rows(self.state):
+            p.host(lambda: self._joint_project(acceleration, rates=False))
+
+    def constrain_velocity(self, v: wp.array) -> None:
+        """Record the projection of velocities on the rates of all active constraints; the forces stay as they are."""
+        if self.paper:
+            return
+        p, t, mass, unused = self.program, self.state.tables, self.mass, self.work.unused
+        if t.nail.rows:
+            nail.project(p, t.nail, mass, v, t.nail.rate, unused(t.nail.force))
+        if t.points_to_point.rows:
+            joins = t.points_to_point
+            points_to_point.project(p, joins, mass, v, unused(joins.force), unused(joins.point_force))
+        if t.attach.rows:
+            attach.project(p, t.attach, mass, v, unused(t.attach.force))
+        if t.velocity.rows:
+            goals = t.velocity
+            zero = self.work.zeros_like(goals.goal)
+            velocity.project_onto_goal(p, goals, zero, self.work.one, mass, v, unused(goals.force))
+        p.barrier()
+        if t.slide.rows:
+            slide.project(p, t.slide, self.state.nailed, mass, v, unused(t.slide.force))
+            p.barrier()
+        if has_joint_rows(self.state):
+            p.host(lambda: self._joint_project(v, rates=True))
+
+    def land(self, on: Kinematics) -> None:
+        """Record the one exact pass over all constraints: positions, then velocities."""
+        p, t, mass, now = self.program, self.state.tables, self.mass, self.now
+        if t.nail.rows:
+            nail.land(p, t.nail, mass, self.params, now, on)
+        if t.points_to_point.rows:
+            points_to_point.land(p, t.points_to_point, mass, self.params, now, on)
+        if t.attach.rows:
+            attach.land(p, t.attach, mass, self.params, now, on)
+        if t.velocity.rows:
+            velocity.land(p, t.velocity, mass, self.params, now, on)
+        p.barrier()
+        if t.slide.rows:
+            slide.find(p, t.slide, self.work.surfaces, on.x)
+            slide.land(p, t.slide, self.state.nailed, t.nail.force, mass, self.params, now, on)
+            p.barrier()
+        if has_joint_rows(self.state):
+            p.host(lambda: self._joint_land(on))
+
+    def find_places(self, x: wp.array) -> None:
+        """Record the search for where sliding points are, at positions ``x``."""
+        if self.state.tables.slide.rows:
+            slide.find(self.program, self.state.tables.slide, self.work.surfaces, x)
+
+    def _joint_solver(self) -> tuple[JointSolver, constraint_rows.Rows]:
+        rows = constraint_rows.collect(self.state, float(self.params.numpy()[0]), JOINT)
+        if self.work.joint is None or rows.directions is not None:
+            self.work.joint = JointSolver(rows, self.model.mass)
+        return self.work.joint, rows
+
+    def _joint_project(self, y: wp.array, rates: bool) -> None:
+        solver, rows = self._joint_solver()
+        values = y.numpy()
+        wanted = rows.rate if rates else np.zeros_like(rows.rate)
+        dy, _ = solver.solve(wanted - rows.weights @ values)
+        solver.spread(values, dy)
+        y.assign(values)
+
+    def _joint_land(self, on: Kinematics) -> None:
+        solver, rows = self._joint_solver()
+        params = self.params.numpy()
+        x, v, w = on.x.numpy(), on.v.numpy(), on.memory.numpy()
+        dx, mu = solver.solve(rows.target - rows.weights @ x)
+        solver.spread(x, dx)
+        if params[7] != 0.0:
+            solver.spread(v, solver.solve(rows.rate - rows.weights @ v)[0])
+            if params[8] != 0.0:
+                solver.spread(w, solver.solve(rows.rate - rows.weights @ w)[0])
+        else:
+            solver.spread(v, dx, params[6])
+            if params[8] != 0.0:
+                solver.spread(w, dx, 1.0 / params[0])
+        on.x.assign(x)
+        on.v.assign(v)
+        on.memory.assign(w)
+        write_row_forces(self.state, rows, mu * params[5], add=params[9] != 0.0)
+
+    # Implicit schemes ----------------------------------------------------------------------------------------------
+
+    def solve(
+        self,
+        alpha: float,
+        beta: float,
+        push: float,
+        at: tuple[wp.array, wp.array],
+        free: tuple[wp.array, wp.array],
+        force: wp.array,
+        a_out: wp.array,
+    ) -> None:
+        """Record ``(M - alpha h D - beta h^2 K) a = F + push h K v`` with constraints."""
+        self.find_places(free[0])
+        self.program.host(lambda: self._solve(alpha, beta, push, at, free[0], force, a_out))
+
+    def _solve(self, alpha, beta, push, at, free, force, a_out) -> None:  # noqa: ANN001
+        h = float(self.params.numpy()[0])
+        rows = None if self.paper else constraint_rows.collect(self.state, h)
+        assert self.work.implicit is not None
+        where = (at[0].numpy(), at[1].numpy())
+        a, f = self.work.implicit.solve(h, alpha, beta, push, where, force.numpy(), free.numpy(), rows)
+        a_out.assign(a)
+        self.work.row_forces = None
+        if rows is not None:
+            self.work.row_forces = lambda: write_row_forces(self.state, rows, f, add=False)
+
+
+def write_row_forces(state: State, rows: constraint_rows.Rows, force: np.ndarray, add: bool) -> None:
+    """Write the forces of rows [N] into their tables: on the (first) point of each constraint."""
+    for place, kind in enumerate(constraint_rows.KINDS):
+        mine = rows.kind == place
+        if not mine.any():
+            continue
+        table = getattr(state.tables, kind)
+        f, row = force[mine], rows.row[mine]
+        total = table.force.numpy()
+        if kind == "points_to_point":  # a row ties one point to the first
+            per_point, offsets = table.point_force.numpy(), table.offsets.numpy()
+            if not add:
+                which = np.unique(row)
+                total[which] = 0.0
+                per_point[offsets[which]] = 0.0
+                per_point[offsets[row] + rows.point[mine]] = 0.0
+            per_point[offsets[row] + rows.point[mine]] += f
+            np.subtract.at(per_point, offsets[row], f)
+            total[np.unique(row)] = per_point[offsets[np.unique(row)]]
+            table.point_force.assign(per_point)
+        elif add:
+            total[row] += f
+        else:
+            total[row] = f
+        table.force.assign(total)

@@ -1,0 +1,203 @@
+"""One step. This file names the stages; what they do is elsewhere."""
+
+import math
+import time
+
+import numpy as np
+import warp as wp
+
+from turnbuckle.compute import Program
+from turnbuckle.constraints.activation import break_rows, update_windows
+from turnbuckle.data.model import Model
+from turnbuckle.data.report import StepReport
+from turnbuckle.data.state import ADD, D_OVER_C, GRAVITY, INVERSE_C, MEMORY, PREVIOUS_H, PROJECT, TIME, H, Kinematics, State
+from turnbuckle.integrators import SCHEMES
+from turnbuckle.step.certificate import Certificate
+from turnbuckle.step.goals import aim_again, move_goals
+from turnbuckle.step.recording import Scratch, StepRecorder
+
+TOLERANCE = 1e-12  # of the scene's size: what a constraint may miss by in a step that is "ok"
+ROUND_OFF = 64 * np.finfo(float).eps  # of the largest coordinate or speed: what floating point cannot resolve
+
+
+class Stepper:
+    """Advances one state of one model. Everything it holds besides them can be rebuilt at any time."""
+
+    def __init__(self, model: Model, state: State) -> None:
+        self.model, self.state = model, state
+        self.scheme = SCHEMES[model.integrator]()
+        self._ahead = Kinematics.zeros(model.points, model.device)
+        self._layout = -1
+        self._dissipation_power = 0.0
+
+    def step(self, dt: float) -> StepReport:
+        """Advance the state by ``dt`` [s]. When the report says "failed", the state is as it was before."""
+        if not (math.isfinite(dt) and dt > 0.0):
+            raise ValueError(f"dt must be a positive number of seconds, got {dt}")
+        began = time.perf_counter()
+        model, state, scheme = self.model, self.state, self.scheme
+        update_windows(model, state, dt)
+        self._prepare(dt)
+        move_goals(state, scheme, dt)
+        before = [t.phase.numpy().copy() for t in self._ramped()], [t.ramp.step.numpy().copy() for t in self._ramped()]
+        try:
+            if state.stale:
+                self._program("evaluate").run()
+                self._dissipation_power = self._damping_power()
+            elif dt != state.dt:
+                if scheme.lands_later:
+                    aim_again(state, dt)
+                self._program("change_dt").run()
+            program = self._program("step")
+            program.run()
+        except (FloatingPointError, np.linalg.LinAlgError) as error:
+            self._restore(before)
+            return self._failed(dt, str(error))
+        report = self._report(dt, program)
+        if report.status == "failed":
+            self._restore(before)
+        else:
+            self._commit(dt, report)
+        report.seconds["total"] = time.perf_counter() - began
+        return report
+
+    # Stages --------------------------------------------------------------------------------------------------------
+
+    def _record_step(self, r: StepRecorder) -> None:
+        p, scheme, ahead = r.program, self.scheme, r.ahead
+        p.stage("integration")
+        scheme.predict(r)
+        p.stage("constraints")
+        on = scheme.landing(r)
+        self.certificate.record_momentum(p, r.mass, on.x, on.v, after=False)
+        p.barrier()
+        r.land(on)
+        p.barrier()
+        if scheme.finishes_velocity:
+            scheme.finish(r)
+            self.certificate.record_momentum(p, r.mass, on.x, on.v, after=False)
+            p.barrier()
+            r.constrain_velocity(ahead.v)
+        self.certificate.record_momentum(p, r.mass, on.x, on.v, after=True)
+        p.stage("forces")
+        r.forces(ahead.x, ahead.v, ahead.force, 1.0)
+        p.stage("integration")
+        scheme.remember(r)
+        p.stage("report")
+        if scheme.implicit:
+            p.host(lambda: r.work.row_forces() if r.work.row_forces else None)
+        self.certificate.record(p, r.mass, ahead.x, ahead.v, scheme.lands_later)
+
+    def _record_evaluate(self, r: StepRecorder) -> None:
+        r.forces(r.now.x, r.now.v, r.now.force, 0.0)
+        r.find_places(r.now.x)
+        self.scheme.restart(r)
+
+    def _record_change_dt(self, r: StepRecorder) -> None:
+        self.scheme.change_dt(r)
+
+    # Around them ---------------------------------------------------------------------------------------------------
+
+    def _prepare(self, dt: float) -> None:
+        state, scheme = self.state, self.scheme
+        if state.layout != self._layout:
+            self._layout = state.layout
+            self._programs: dict[tuple[str, int], Program] = {}
+            self.scratch = Scratch(self.model, state)
+            self.certificate = Certificate(state, self.model.points, self.model.device)
+        c, d = scheme.response(dt)
+        paper = self.model.response == "paper"
+        params = state.params.numpy()
+        params[H], params[TIME] = dt, state.time
+        params[GRAVITY : GRAVITY + 3] = state.gravity
+        params[INVERSE_C], params[D_OVER_C] = 1.0 / c, d / c
+        if scheme.lands_later:
+            params[D_OVER_C] = 1.0 / dt
+        params[PROJECT] = 0.0 if paper or scheme.lands_later else 1.0
+        params[MEMORY] = 1.0 if scheme.velocity_memory else 0.0
+        params[ADD] = 1.0 if scheme.adds_landing and not paper else 0.0
+        params[PREVIOUS_H] = state.dt
+        state.params.assign(params)
+
+    def _program(self, name: str) -> Program:
+        key = (name, id(self.state.now))
+        if key not in self._programs:
+            recorder = StepRecorder(self.model, self.state, self.scratch, self.state.now, self._ahead)
+            getattr(self, f"_record_{name}")(recorder)
+            self._programs[key] = recorder.program.finish()
+        return self._programs[key]
+
+    def _commit(self, dt: float, report: StepReport) -> None:
+        state = self.state
+        power = self._damping_power()
+        state.dissipation += 0.5 * dt * (power + self._dissipation_power)
+        self._dissipation_power = power
+        state.work += dt * (self.certificate.power() + self.scratch.field_power)
+        state.now, self._ahead = self._ahead, state.now
+        state.time += dt
+        state.steps += 1
+        state.dt = dt
+        state.stale = False
+        state.activated = False
+        report.energies["work"], report.energies["dissipation"] = state.work, state.dissipation
+        state.energies = report.energies
+        report.broken = break_rows(self.model, state)
+        if report.broken:
+            report.messages.append("broke: " + ", ".join(report.broken[:5]))
+
+    def _damping_power(self) -> float:
+        if not self.model.damped:
+            return 0.0
+        return float(self.scratch.spring_power.numpy().sum() + self.scratch.block_power.numpy().sum())
+
+    def _elastic_energy(self) -> float:
+        return float(self.scratch.spring_energy.numpy().sum() + self.scratch.block_energy.numpy().sum())
+
+    def _ramped(self) -> list:
+        kinds = {g.kind for g in self.state.groups.values() if g.acting and g.ramp_steps > 0}
+        return [getattr(self.state.tables, kind) for kind in sorted(kinds)]
+
+    def _restore(self, before: tuple[list, list]) -> None:
+        for table, phase, step in zip(self._ramped(), *before, strict=True):
+            table.phase.assign(phase)
+            table.ramp.step.assign(step)
+
+    def _report(self, dt: float, program: Program) -> StepReport:
+        state, scheme = self.state, self.scheme
+        report = StepReport(time=state.time + dt, dt=dt, seconds=dict(program.seconds))
+        kinetic, gravity, linear, angular, farthest, fastest = self.certificate.totals()
+        elastic = self._elastic_energy()
+        if not np.isfinite([kinetic, gravity, elastic, farthest, fastest]).all():
+            return self._failed(dt, "positions or velocities are no longer finite numbers")
+        report.energies = {"kinetic": float(kinetic), "elastic": elastic, "gravity": float(gravity)}
+        report.momentum_error = self.certificate.momentum_error(linear, angular)
+        for group in state.groups.values():
+            if group.acting:
+                report.active[group.kind] = report.active.get(group.kind, 0) + int((~group.broken).sum())
+        report.ramping = int(sum((t.phase.numpy() > 0).sum() for t in self._ramped()))
+        settling = scheme.lands_later and state.activated
+        allowed = TOLERANCE * self.model.size + ROUND_OFF * farthest
+        allowed_rate = TOLERANCE * max(self.model.size, fastest) + ROUND_OFF * (farthest / dt if scheme.lands_later else 0.0)
+        for kind in report.active:
+            position, rate = self.certificate.residuals(kind)
+            report.position_residual[kind], report.rate_residual[kind] = position, rate
+            if not settling and (position > allowed or rate > allowed_rate) and self.model.response == "exact":
+                report.messages.append(f"{kind} constraints are missed by {position:.2e} m and {rate:.2e} m/s")
+        if settling:
+            report.messages.append("explicit Euler meets new constraints in their second step")
+        if report.ramping:
+            report.messages.append(f"{report.ramping} constraints are in gradual activation")
+        report.status = "degraded" if report.messages else "ok"
+        return report
+
+    def _failed(self, dt: float, what: str) -> StepReport:
+        advice = "take a smaller dt, more damping or less stiffness, or an implicit integrator"
+        return StepReport(
+            status="failed", messages=[f"{what}; the last good state stands: {advice}"], time=self.state.time, dt=dt,
+            energies=dict(self.state.energies),
+        )  # fmt: skip
+
+
+def synchronise(model: Model) -> None:
+    """Wait until the device has finished."""
+    wp.synchronize_device(model.device)
