@@ -1,6 +1,7 @@
 """The command: which scene is meant, what is passed on, what is printed, exit codes. The simulation is a stand-in."""
 
 import json
+import re
 import sys
 import types
 from collections.abc import Callable, Iterator
@@ -13,6 +14,7 @@ from typer.testing import CliRunner, Result
 
 import turnbuckle.scenes
 from turnbuckle.cli.app import app
+from turnbuckle.cli.progress import RunProgress
 from turnbuckle.data.errors import InputError, StepError
 from turnbuckle.scene.scene import Scene
 
@@ -201,3 +203,27 @@ def test_bench_names(run: StandIn, monkeypatch: pytest.MonkeyPatch) -> None:
     assert call("bench").exit_code == 0 and called == ["scaling", "curtain", "scaling"]
     result = call("bench", "curtian")
     assert result.exit_code == 2 and "did you mean 'curtain'?" in result.output
+
+
+def test_progress_shows_time_speed_and_residual_on_a_terminal(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("COLUMNS", "140")
+    monkeypatch.setenv("TERM", "xterm")
+    with RunProgress("chain") as progress:
+        for step in range(0, 501, 100):
+            progress.update(step * 1e-3, 0.5, step, 2.5e-15)
+    shown = re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", capsys.readouterr().err)
+    assert "Building chain" in shown and "0.500 / 0.500 s" in shown
+    assert re.search(r"[1-9]\d* steps/s", shown) and "worst residual 2.5e-15" in shown
+
+
+def test_progress_is_one_line_in_a_pipe(capsys: pytest.CaptureFixture[str]) -> None:
+    with RunProgress("chain") as progress:
+        progress.update(0.0, 0.5, 0, 0.0)
+        progress.update(0.5, 0.5, 500, 1e-15)
+    captured = capsys.readouterr()
+    assert captured.out == "" and captured.err.count("\n") == 1 and "Building chain" in captured.err
+    with pytest.raises(ValueError), RunProgress("chain"):  # an error while building leaves the terminal in order
+        raise ValueError

@@ -26,7 +26,7 @@ class RunProgress:
             console=self.console,
         )
         self.name = name
-        self.task = self.bar.add_task(name, total=None, start=False, rate="", residual="")
+        self.task = self.bar.add_task(name, total=0.0, start=False, rate="", residual="")
         self.building = True
         self.begun = self.drawn = 0.0
         self.first_step = 0

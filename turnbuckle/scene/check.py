@@ -39,6 +39,7 @@ def inspect_scene(scene: Scene) -> Inspection:
     warnings += [too_large] if too_large else []
     warnings += weight_warnings(state)
     warnings += conflict_warnings(list(state.groups.values()))
+    warnings += domain_warnings(state)
     return Inspection(counts(scene, model, state), warnings)
 
 
@@ -107,6 +108,20 @@ def conflict_warnings(groups: list[Group]) -> Iterator[str]:
             return
         names = f"{enabled[a].name!r} and {enabled[b].name!r}" if a != b else f"two parts of {enabled[a].name!r}"
         yield f"conflict: the constraints {names} hold {count} point{'s' * (count != 1)} at the same time"
+
+
+def domain_warnings(state: State) -> Iterator[str]:
+    """Constraints that hold points of what others slide on; only nails go together with the push of a sliding point."""
+    groups = [group for group in state.groups.values() if group.enabled]
+    for slide in (group for group in groups if group.kind == "slide"):
+        surface = np.unique(state.tables.domains[slide.domain].elements)
+        for other in groups:
+            if other.kind in ("nail", "slide") or not _overlap(slide, other):
+                continue
+            count = int(np.isin(np.unique(other.points), surface).sum())
+            if count:
+                held = f"{count} point{'s' * (count != 1)} of the elements that {slide.name!r} slides on"
+                yield f"conflict: the constraint {other.name!r} holds {held}"
 
 
 def _overlap(a: Group, b: Group) -> bool:

@@ -60,7 +60,7 @@ def _assign(data: dict[str, Any], path: str, value: Any, assignment: str) -> tup
         if not rest:
             node[key] = value
             return tuple(place)
-        inner = node[key] if isinstance(node, list) else node.get(key)
+        inner: Any = node[key] if isinstance(key, int) else node.get(key)
         if inner is None:
             inner = {}
         elif isinstance(inner, np.ndarray):

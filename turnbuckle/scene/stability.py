@@ -8,7 +8,8 @@ vibration is omega^2 = lambda_max(M^-1/2 K M^-1/2) and the strongest damping gam
   the unit circle while omega^2 h^2 + 2 gamma h < 4.
 * Explicit Euler turns each vibration up by (h omega)^2 / 2 a step, midpoint and Heun by (h omega)^4 / 8, damping turns
   it down by h gamma / 2.
-* RK4 holds to 2.83 on the imaginary axis and to 2.79 on the real one.
+* RK4 holds while h |lambda| is below 2.78 on the real axis and 2.83 on the imaginary one, lambda the rate of a mode:
+  omega, or when gamma > 2 omega the real root (gamma + (gamma^2 - 4 omega^2)^(1/2)) / 2.
 * Implicit Euler and Newmark (average acceleration) have no limit.
 """
 
@@ -115,7 +116,7 @@ def step_warning(model: Model, positions: np.ndarray, dt: float, duration: float
     if scheme in LEAPFROG:
         limit = _leapfrog_limit(omega2, gamma)
     elif scheme == "rk4":
-        limit = _smallest(2.83, omega2**0.5, 2.79, gamma)
+        limit = 2.78 / max(_decay(omega2, gamma), omega2**0.5 if gamma * gamma < 4.0 * omega2 else 0.0)
     else:
         growth = _growth(scheme, rows, omega2, dt) * duration / dt
         if growth > GROWTH_LIMIT:
@@ -124,7 +125,8 @@ def step_warning(model: Model, positions: np.ndarray, dt: float, duration: float
                 f"({omega2**0.5 / (2 * np.pi):.4g} Hz) grow by a factor of e^{growth:.3g} in {duration:g} s; "
                 "take a smaller step, more damping, or another integrator"
             )
-        limit = _smallest(np.inf, 1.0, 2.0, gamma)
+        decay = _decay(omega2, gamma)
+        limit = 2.0 / decay if decay > 0.0 else np.inf
     if dt < limit:
         return None
     return (
@@ -138,8 +140,10 @@ def _leapfrog_limit(omega2: float, gamma: float) -> float:
     return 4.0 / (gamma + (gamma * gamma + 4.0 * omega2) ** 0.5)
 
 
-def _smallest(a: float, rate_a: float, b: float, rate_b: float) -> float:
-    return min(a / rate_a if rate_a > 0 else np.inf, b / rate_b if rate_b > 0 else np.inf)
+def _decay(omega2: float, gamma: float) -> float:
+    """The faster real root of s^2 - gamma s + omega^2 [1/s]; 0 where the motion vibrates."""
+    inside = gamma * gamma - 4.0 * omega2
+    return 0.5 * (gamma + inside**0.5) if inside >= 0.0 else 0.0
 
 
 def _growth(scheme: str, rows: Rows, omega2: float, dt: float) -> float:
