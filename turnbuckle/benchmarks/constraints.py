@@ -72,10 +72,10 @@ def constraint_ms(add: Add, steps: int = 30) -> tuple[int, float]:
     places = np.stack([row * 1e-3, np.cos(row), np.sin(row)], axis=1)
     scene.add_rope("dots", points=places, stretch_stiffness=0.0)
     count = add(scene)
-    model, state = scene.build()
+    simulation = turnbuckle.Simulation(scene)
     spent = []
     for number in range(steps + 3):
-        report = turnbuckle.step(model, state, DT)
+        report = simulation.step()
         if number >= 3:
             spent.append(1e3 * report.seconds["constraints"])
     if report.status != "ok":

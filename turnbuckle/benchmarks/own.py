@@ -50,12 +50,12 @@ def measure_curtain(m: int, seconds: float = 2.0, least: int = 10) -> OwnResult:
     """Build and step `curtain(m)` for about `seconds` of wall time, `least` steps at least."""
     curtain = curtain_geometry(m)
     before = time.perf_counter()
-    model, state = curtain_scene(curtain).build()
+    simulation = turnbuckle.Simulation(curtain_scene(curtain))
     built = time.perf_counter()
-    report = turnbuckle.step(model, state, DT)
+    report = simulation.step()
     first = time.perf_counter()
     for _ in range(3):
-        turnbuckle.step(model, state, DT)
+        simulation.step()
 
     times: list[float] = []
     stages: dict[str, list[float]] = {}
@@ -63,14 +63,14 @@ def measure_curtain(m: int, seconds: float = 2.0, least: int = 10) -> OwnResult:
     start = time.perf_counter()
     while len(times) < least or time.perf_counter() - start < seconds:
         began = time.perf_counter()
-        report = turnbuckle.step(model, state, DT)
+        report = simulation.step()
         times.append(1e3 * (time.perf_counter() - began))
         for stage, spent in report.seconds.items():
             stages.setdefault(stage, []).append(1e3 * spent)
         states.add(report.status)
         if len(times) % 10 == 1:
-            gap = max(gap, curtain.worst_gap(np.asarray(state.positions())))
-    x = np.asarray(state.positions())
+            gap = max(gap, curtain.worst_gap(simulation.positions()))
+    x = simulation.positions()
     gap = max(gap, curtain.worst_gap(x))
     size = float(np.linalg.norm(np.ptp(curtain.vertices, axis=0)))
     return OwnResult(

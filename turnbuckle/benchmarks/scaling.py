@@ -10,7 +10,7 @@ from rich.console import Console
 
 import turnbuckle
 from turnbuckle.benchmarks.machine import resident_bytes
-from turnbuckle.benchmarks.own import DT, curtain_scene, measure_curtain
+from turnbuckle.benchmarks.own import curtain_scene, measure_curtain
 from turnbuckle.benchmarks.plot import scaling as draw
 from turnbuckle.benchmarks.table import Table, publish
 from turnbuckle.benchmarks.timing import line_fit
@@ -30,9 +30,9 @@ def own_memory() -> None:
     for m in (40, MEMORY_M):
         curtain = curtain_geometry(m)
         before = resident_bytes()
-        model, state = curtain_scene(curtain).build()
+        simulation = turnbuckle.Simulation(curtain_scene(curtain))
         for _ in range(2):
-            turnbuckle.step(model, state, DT)
+            simulation.step()
         after = resident_bytes()
         grown.append(None if before is None or after is None else after - before)
     print(json.dumps([grown[-1], len(curtain.tetrahedra)]))
