@@ -6,6 +6,8 @@ happens, the caller sees one InputError that names the file.
 
 import contextlib
 import io
+import itertools
+import re
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
@@ -108,6 +110,9 @@ def _read_surface(path: Path, suffix: str) -> SurfaceMesh | LineMesh:
     if not triangles:
         raise InputError(f"mesh {path}: has no triangles; export the object as a triangle mesh")
     joined = np.concatenate(triangles)
+    promised = _promised_faces(path, suffix)
+    if len(joined) < promised:  # a polygon of n corners gives n - 2 triangles
+        raise InputError(f"mesh {path}: is cut off ({len(joined)} triangles of {promised} faces); copy it again")
     _check_range(path, joined, count)
     welded, index = weld(np.concatenate(vertices))
     return SurfaceMesh(welded, index[joined].astype(np.int32))
@@ -121,6 +126,19 @@ def _check_stl_length(path: Path) -> None:
         promised = 84 + 50 * int(np.frombuffer(head[80:84], "<u4")[0])
         if path.stat().st_size < promised:
             raise InputError(f"mesh {path}: is cut off ({path.stat().st_size} of {promised} bytes); copy it again")
+
+
+def _promised_faces(path: Path, suffix: str) -> int:
+    """How many faces the header of an OFF or PLY says that there are, else 0; the library takes fewer in silence."""
+    with path.open("rb") as file:
+        head = file.read(4096)
+    if suffix == ".ply":
+        found = re.search(rb"element face (\d+)", head)
+        return int(found.group(1)) if found else 0
+    if suffix == ".off":
+        words = re.sub(rb"#[^\n]*", b"", head).replace(b"OFF", b"", 1).split()
+        return int(words[1]) if len(words) > 1 else 0
+    return 0
 
 
 def weld(vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -161,7 +179,9 @@ def _obj_lines(path: Path) -> LineMesh | None:
 def _read_cells(path: Path) -> SurfaceMesh | TetMesh | LineMesh:
     import meshio  # here, because it is slow to import and few scenes need it
 
-    mesh = meshio.read(path)
+    if path.suffix.lower() == ".msh":
+        _check_msh_ends(path)
+    mesh = meshio.read(path, file_format="gmsh" if path.suffix.lower() == ".msh" else None)
     vertices = np.asarray(mesh.points, dtype=np.float64)
     if vertices.ndim != 2 or vertices.shape[1] not in (2, 3):
         raise InputError(f"mesh {path}: its points have {vertices.shape[-1]} coordinates; 3 are needed")
@@ -181,6 +201,16 @@ def _read_cells(path: Path) -> SurfaceMesh | TetMesh | LineMesh:
         if kind in cells:
             return make(vertices, _indices(path, np.concatenate(cells[kind]), len(vertices)))
     raise InputError(f"mesh {path}: has no tetrahedra, triangles or lines")
+
+
+def _check_msh_ends(path: Path) -> None:
+    """A .msh is a row of sections ``$Name .. $EndName``; meshio reads for ever where an end is missing."""
+    marks = [mark.decode() for mark in re.findall(rb"(?m)^\$([A-Z][A-Za-z]+)[ \t\r]*$", path.read_bytes())]
+    if marks[:1] != ["MeshFormat"]:
+        raise InputError(f"mesh {path}: cannot be read as .msh: it is not of Gmsh (no $MeshFormat); save it with Gmsh")
+    for begin, end in itertools.zip_longest(marks[::2], marks[1::2]):
+        if end != f"End{begin}":
+            raise InputError(f"mesh {path}: is cut off or damaged (${begin} has no $End{begin}); copy it again")
 
 
 def _indices(path: Path, cells: object, count: int) -> np.ndarray:
