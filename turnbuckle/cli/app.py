@@ -1,5 +1,7 @@
 """The command with all its verbs. Importing this must stay fast: `turnbuckle --help` answers in 0.2 s."""
 
+from typing import Annotated
+
 import typer
 
 from turnbuckle.cli.bench import bench
@@ -10,12 +12,33 @@ from turnbuckle.cli.schema import schema
 
 app = typer.Typer(
     name="turnbuckle",
-    help="Exact constrained dynamics of ropes, nets, cloth and deformable solids.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        from importlib.metadata import PackageNotFoundError, version
+
+        try:
+            typer.echo(f"turnbuckle {version('turnbuckle')}")
+        except PackageNotFoundError:
+            typer.echo("turnbuckle (not installed)")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version and exit.")
+    ] = False,
+) -> None:
+    """Exact constrained dynamics of ropes, nets, cloth and deformable solids."""
+
+
 for verb in (run, check, scenes, schema, bench):
     app.command()(verb)
 
