@@ -14,8 +14,8 @@ from turnbuckle.step.simulation import Simulation
 def random_scene(rng: np.random.Generator) -> Scene:
     """A scene with awkward floats in it, and arrays long and short."""
     scene = Scene("fuzz", dt=float(rng.random() * 1e-3), gravity=rng.standard_normal(3) * 10.0 ** rng.integers(-9, 9))
-    points = rng.standard_normal((int(rng.integers(4, 120)), 3)) * 10.0 ** rng.integers(-300, 300)
-    points[0] = [-0.0, 5e-324, 1.7976931348623157e308]
+    points = rng.standard_normal((int(rng.integers(4, 120)), 3)) * 10.0 ** rng.integers(-300, 11)
+    points[0] = [-0.0, 5e-324, np.nextafter(1e12, 0)]
     scene.add_rope("long", points=points, damping=float(np.nextafter(0.1, 1)), color=rng.random(3))
     scene.add_cloth("c-1.é", vertices=rng.random((3, 3)), triangles=[[0, 1, 2]], mass=1 / 3, rotation=rng.random(3))
     scene.add_solid("box", box={"size": rng.random(3) + 0.1, "cells": [1, 2, 3]}, k_area=1e-17)

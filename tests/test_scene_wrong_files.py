@@ -62,6 +62,8 @@ WRONG = [
     ("start: [0, 0, 1]", "start: [0, 0, .nan]", 11, "finite"),
     ("start: [0, 0, 1]", "start: [0, 0, -.inf]", 11, "finite"),
     ("start: [0, 0, 1]", "start: [0, 0, 1e999]", 11, "finite"),
+    ("start: [0, 0, 1]", "start: [0, 0, 1e13]", 11, "between -1e.12 and 1e.12"),
+    ("stretch_stiffness: 1e5", "stretch_stiffness: 1e31", 14, "between"),
     ("start: [0, 0, 1]", "start: [0, 0, one]", 11, "'one'"),
     ("start: [0, 0, 1]", "start: [0, 0, true]", 11, "true"),
     ("start: [0, 0, 1]", "start: [4, 0, 1]", 12, "same place"),

@@ -16,6 +16,8 @@ from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 from pydantic_core import PydanticCustomError, core_schema
 
 COUNT_LIMIT = 10_000_000  # largest count a scene may ask for in one number: guards against typing errors, not memory
+NUMBER_LIMIT = 1e30  # largest number: products of two or three of them must not overflow while a scene is built
+ARRAY_LIMIT = 1e12  # largest number in an array of positions, velocities, times
 _INT32_MAX = 2**31 - 1
 
 
@@ -53,6 +55,8 @@ def _number(value: Any) -> float:
         result = float("inf")
     if not np.isfinite(result):
         raise _fail(f"expected a finite number, got {result}")
+    if abs(result) > NUMBER_LIMIT:
+        raise _fail(f"expected a number between -{NUMBER_LIMIT:g} and {NUMBER_LIMIT:g}, got {result:g}")
     return result
 
 
@@ -210,6 +214,9 @@ class ArraySpec:
 
     def _check_values(self, array: np.ndarray) -> None:
         self._refuse(~np.isfinite(array), array, "expected finite numbers")
+        if self.dtype != np.int32:
+            limits = f"expected numbers between -{ARRAY_LIMIT:g} and {ARRAY_LIMIT:g}"
+            self._refuse(np.abs(array) > ARRAY_LIMIT, array, limits)
         if self.low is not None:
             self._refuse(array < self.low, array, f"expected numbers of at least {self.low:g}")
         if self.above is not None:
