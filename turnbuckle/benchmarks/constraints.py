@@ -8,6 +8,7 @@ import numpy as np
 from rich.console import Console
 
 import turnbuckle
+from turnbuckle.benchmarks.machine import load
 from turnbuckle.benchmarks.table import Table, publish
 
 POINTS = 24_000  # about those of the curtain of 2990 cubes; divisible by all that follows
@@ -90,7 +91,7 @@ def constraint_ms(add: Add, steps: int = 30) -> tuple[int, float]:
 
 def measure(console: Console | None = None, folder: Path | None = None) -> list[Table]:
     """Measure, print, write tables."""
-    console = console or Console()
+    console, busy = console or Console(), load()
     table = Table(
         "Constraints, residual and force written", ["kind", "number", "ms", "a ms", "points a ms", "paper a ms"]
     )
@@ -102,7 +103,7 @@ def measure(console: Console | None = None, folder: Path | None = None) -> list[
         f"The stage `constraints` of a step of {POINTS:,} points, Verlet; the paper: a Pentium 4 of 3.4 GHz."
     )
     table.notes.append(f"With one nail alone the stage takes {constraint_ms(one)[1]:.2g} ms, which is in every row.")
-    publish("constraints", [table], console, folder)
+    publish("constraints", [table], console, folder, busy)
     return [table]
 
 

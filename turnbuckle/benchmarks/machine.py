@@ -22,6 +22,11 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+def load() -> float | None:
+    """Processors in use over the last minute, by others and us; None where the system does not tell."""
+    return os.getloadavg()[0] if hasattr(os, "getloadavg") else None
+
+
 def describe() -> dict[str, str | int]:
     """What a reader needs to judge a timing."""
     versions = {name: importlib.metadata.version(name) for name in ("numpy", "scipy", "warp-lang")}

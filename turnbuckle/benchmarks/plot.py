@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -25,11 +26,17 @@ def figure_two(ours: Points, gap: float, paper: Points, peers: Sequence[PeerResu
     axes = figure.add_subplot()
     count, ms = np.array(ours).T
     axes.plot(count, ms, "o-", color=COLOR["turnbuckle"], linewidth=2, markersize=6)
-    _label(axes, count[-1], ms[-1], f"turnbuckle, gap {gap:.0e} m", COLOR["turnbuckle"], below=True)
+    _label(
+        axes,
+        count[-1],
+        ms[-1],
+        f"turnbuckle, gap {gap:.0e} m" if gap else "turnbuckle, gap 0",
+        COLOR["turnbuckle"],
+    )
     if paper:
         x, y = np.array(paper).T
         axes.plot(x, y, "s--", color=COLOR["paper"], linewidth=1.5, markersize=6, markerfacecolor="white")
-        _label(axes, x[0], y[0], "the paper, 2006 (Pentium 4)", COLOR["paper"])
+        _label(axes, x[-1], y[-1], "the paper, 2006 (Pentium 4)", COLOR["paper"])
     for peer in peers:
         color = COLOR.get(peer.name, OTHER)
         axes.plot(peer.constraints, peer.ms_per_step, MARKER.get(peer.name, "o"), color=color, markersize=8)
@@ -37,6 +44,9 @@ def figure_two(ours: Points, gap: float, paper: Points, peers: Sequence[PeerResu
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.margins(x=0.25, y=0.12)
+    axes.set_xticks(count, [f"{number:,}" for number in count.astype(int)])
+    axes.minorticks_off()
+    axes.yaxis.set_major_formatter("{x:g}")
     axes.set_xlabel("constraints")
     axes.set_ylabel("time per step [ms]")
     axes.set_title("Curtain of cubes: a whole step", loc="left")
@@ -60,6 +70,9 @@ def scaling(cubes: Sequence[int], ms: Sequence[float], a: float, b: float, file:
     axes.plot(cubes, ms, "o", color=COLOR["turnbuckle"], markersize=8, label="measured")
     axes.set_xscale("log")
     axes.set_yscale("log")
+    axes.set_xticks(cubes, [f"{number:,}" for number in cubes])
+    axes.minorticks_off()
+    axes.yaxis.set_major_formatter("{x:g}")
     axes.set_xlabel("cubes of five tetrahedra")
     axes.set_ylabel("time per step [ms]")
     axes.set_title("Curtain of cubes: growth with size", loc="left")
@@ -71,7 +84,7 @@ def scaling(cubes: Sequence[int], ms: Sequence[float], a: float, b: float, file:
     return f"Plot: {file}"
 
 
-def _label(axes, x: float, y: float, text: str, color: str, below: bool = False, right: bool = False) -> None:
-    """Words beside a point, in its colour."""
-    offset, align = ((10, -3), "left") if right else ((0, -16 if below else 10), "center")
+def _label(axes: Any, x: float, y: float, text: str, color: str, right: bool = False) -> None:
+    """Words right of a point, or above and left of it, where no rising line passes."""
+    offset, align = ((10, -3), "left") if right else ((-4, 9), "right")
     axes.annotate(text, (x, y), offset, textcoords="offset points", ha=align, color=color, fontsize=9)

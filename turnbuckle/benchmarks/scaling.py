@@ -9,7 +9,7 @@ import numpy as np
 from rich.console import Console
 
 import turnbuckle
-from turnbuckle.benchmarks.machine import resident_bytes
+from turnbuckle.benchmarks.machine import load, resident_bytes
 from turnbuckle.benchmarks.own import curtain_scene, measure_curtain
 from turnbuckle.benchmarks.plot import scaling as draw
 from turnbuckle.benchmarks.table import Table, publish
@@ -47,7 +47,7 @@ def bytes_per_tetrahedron() -> float | None:
 
 def measure(console: Console | None = None, folder: Path | None = None) -> list[Table]:
     """Measure, print, write tables and plot."""
-    console = console or Console()
+    console, busy = console or Console(), load()
     console.print("Measuring curtains of 990 to 99,990 cubes; about a minute ...")
     results = [measure_curtain(m, seconds=2.0, least=5) for m in SIZES]
     cubes = [own.cubes for own in results]
@@ -63,7 +63,7 @@ def measure(console: Console | None = None, folder: Path | None = None) -> list[
         table.notes.append(
             f"Memory: {memory:.0f} bytes a tetrahedron ({10 * (2 * MEMORY_M - 1)} cubes, constraints included)."
         )
-    folder = publish("scaling", [table], console, folder)
+    folder = publish("scaling", [table], console, folder, busy)
     console.print(draw(cubes, ms, a, b, folder / "scaling.png"), highlight=False)
     return [table]
 

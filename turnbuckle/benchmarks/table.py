@@ -8,7 +8,7 @@ from typing import Any
 import rich.table
 from rich.console import Console
 
-from turnbuckle.benchmarks.machine import describe, folder_name
+from turnbuckle.benchmarks.machine import cores, describe, folder_name
 
 
 @dataclass
@@ -59,9 +59,25 @@ def results_folder(folder: Path | None) -> Path:
     return folder
 
 
-def publish(name: str, tables: list[Table], console: Console | None, folder: Path | None) -> Path:
-    """Print the tables and write `name.json` and `name.md`; returns the folder."""
+def busy_note(before: float | None) -> list[str]:
+    """A warning when others kept the processors busy `before` a measurement began."""
+    if before is None or before < 0.3 * cores():
+        return []
+    return [
+        f"Measured on a busy machine (load {before:.1f} on {cores()} processors): times are too long, ratios unsafe."
+    ]
+
+
+def publish(
+    name: str, tables: list[Table], console: Console | None, folder: Path | None, load_before: float | None = None
+) -> Path:
+    """Print the tables and write `name.json` and `name.md`; returns the folder.
+
+    `load_before` is `machine.load()` from before the measurement: a busy machine is said below every table.
+    """
     console, folder = console or Console(), results_folder(folder)
+    for table in tables:
+        table.notes += busy_note(load_before)
     for table in tables:
         console.print(table.rich())
     machine = describe()
