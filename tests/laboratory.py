@@ -12,13 +12,14 @@ class Run:
     """One simulation. ``x``, ``v``: copies of the state, (points, 3) [m], [m/s]; ``m``: (points,) [kg]."""
 
     def __init__(self, scene: dict, x: np.ndarray | None = None, v: np.ndarray | None = None):
-        self.scene = turnbuckle.Scene("laboratory", **{"gravity": [0.0, 0.0, 0.0], **scene})
-        self.model, self.state = self.scene.build()
+        fields = {"gravity": [0.0, 0.0, 0.0], **scene}
+        self.simulation = turnbuckle.Simulation(turnbuckle.Scene("laboratory", **fields))
+        self.model, self.state = self.simulation.model, self.simulation.state
         if x is not None:
             self.state.set_positions(x)
         if v is not None:
             self.state.set_velocities(v)
-        self.report = None
+        self.report = turnbuckle.StepReport()
 
     @property
     def x(self) -> np.ndarray:
@@ -37,7 +38,8 @@ class Run:
         return [self.model.shape(body).begin + p for p in points]
 
     def step(self, h: float) -> None:
-        self.report = turnbuckle.step(self.model, self.state, h)
+        self.report = self.simulation.step(h)
+        assert self.report.status != "failed", self.report.messages
 
     def steps(self, sizes: Iterable[float]) -> None:
         for h in sizes:
@@ -45,7 +47,7 @@ class Run:
 
     def force(self, name: str) -> np.ndarray:
         """Forces of a constraint on its points [N], (rows, 3)."""
-        return np.array(turnbuckle.constraint_forces(self.model, self.state, name))
+        return self.simulation.forces(name)
 
 
 def rope(name: str, points: np.ndarray, mass: float, stiffness: float = 0.0, damping: float = 0.0, **more) -> dict:

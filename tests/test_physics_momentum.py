@@ -27,11 +27,13 @@ def test_linear_momentum(name, offset):
         assert np.abs((run.m[:, None] * run.v).sum(0) - before).max() < 1e-12 * scale
 
 
-@pytest.mark.parametrize("kinds", [("points_to_point", "attach"), ("points_to_point", "attach", "slide")])
 @pytest.mark.parametrize("name", ANGULAR)
-def test_angular_momentum_where_constraints_are_fulfilled(name, kinds):
-    """Joined points lie at one place and an attached point on its line, so their forces have no moment."""
-    run = Run({"integrator": name, **between_bodies(12, 0.0, kinds)})
+def test_angular_momentum_where_constraints_are_fulfilled(name):
+    """Joined points lie at one place and an attached point on its line, so their forces have no moment.
+
+    A slide is not among them: its force acts where the point will be, h v further along the line.
+    """
+    run = Run({"integrator": name, **between_bodies(12, 0.0, ("points_to_point", "attach"))})
     run.step(1e-3)  # velocities come onto the constraints
 
     def angular() -> np.ndarray:
