@@ -1,16 +1,41 @@
 """Turnbuckle: exact constrained dynamics of deformable and rigid bodies."""
 
-from turnbuckle.data.errors import ConflictError, InputError, StepError, TurnbuckleError
-from turnbuckle.data.model import Model
-from turnbuckle.data.report import StepReport
-from turnbuckle.data.state import State
-from turnbuckle.scene.scene import Scene
-from turnbuckle.step.simulation import Simulation
-from turnbuckle.step.step import Stepper
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from turnbuckle.data.errors import ConflictError, InputError, StepError, TurnbuckleError
+    from turnbuckle.data.model import Model
+    from turnbuckle.data.report import RunReport, StepReport
+    from turnbuckle.data.state import State
+    from turnbuckle.scene.scene import Scene
+    from turnbuckle.step.simulation import Simulation
+    from turnbuckle.step.step import Stepper
 
 __version__ = "0.1.0"
 
+# Where each public name lives. Loaded when first asked for, so that `turnbuckle --help` does not wait for Warp.
+_HOMES = {
+    "ConflictError": "data.errors",
+    "InputError": "data.errors",
+    "Model": "data.model",
+    "RunReport": "data.report",
+    "Scene": "scene.scene",
+    "Simulation": "step.simulation",
+    "State": "data.state",
+    "StepError": "data.errors",
+    "StepReport": "data.report",
+    "Stepper": "step.step",
+    "TurnbuckleError": "data.errors",
+}
+
 __all__ = [
-    "ConflictError", "InputError", "Model", "Scene", "Simulation", "State", "StepError", "StepReport", "Stepper",
-    "TurnbuckleError",
+    "ConflictError", "InputError", "Model", "RunReport", "Scene", "Simulation", "State", "StepError", "StepReport",
+    "Stepper", "TurnbuckleError",
 ]  # fmt: skip
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOMES:
+        return getattr(import_module(f"turnbuckle.{_HOMES[name]}"), name)
+    raise AttributeError(f"module 'turnbuckle' has no attribute {name!r}")

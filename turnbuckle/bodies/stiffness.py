@@ -98,7 +98,7 @@ def all_elements(model: Model, x: np.ndarray) -> list[Gradients]:
 
 def jacobians(e: Gradients, v: np.ndarray, room: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """K and D of each element, (n, 3p, 3p). ``room``: how much of its H terms each point can take, (points,) [N/m]."""
-    local_v = v[e.points].reshape(len(e.points), -1)
+    local_v = v[e.points].reshape(len(e.points), 3 * e.points.shape[1])
     rate = np.einsum("ni,ni->n", e.g, local_v)
     factor = e.k * e.c + e.k_d * rate
     outer = e.g[:, :, None] * e.g[:, None, :]

@@ -28,3 +28,34 @@ class StepReport:
     def worst_residual(self) -> float:
         """The largest position residual of all kinds [m]."""
         return max(self.position_residual.values(), default=0.0)
+
+
+@dataclass
+class RunReport:
+    """A run of many steps. `to_json` of `turnbuckle.run` writes it under the names that scripts rely on."""
+
+    scene: str = ""
+    status: str = "done"  # "done" | "failed"
+    steps: int = 0
+    simulated_seconds: float = 0.0
+    wall_seconds: float = 0.0
+    device: str = "cpu"
+    versions: dict[str, str] = field(default_factory=dict)
+    ms_per_step: dict[str, float] = field(default_factory=dict)  # medians: "total" and one key a stage
+    worst_residual: dict[str, float] = field(default_factory=dict)  # by constraint kind [m]
+    worst_rate_residual: dict[str, float] = field(default_factory=dict)  # by constraint kind [m/s]
+    worst_conflict: float = 0.0  # [m], what constraints that contradict each other miss by
+    smallest_gap: float | None = None  # [m]
+    intersections: int = 0
+    contacts_max: int = 0
+    momentum_error: dict[str, float] = field(default_factory=lambda: {"linear": 0.0, "angular": 0.0})  # relative
+    energies: dict[str, float] = field(default_factory=dict)  # at the end [J]
+    iterations: dict[str, dict[str, int]] = field(default_factory=dict)  # histograms by solver
+    cmr_rounds: dict[str, int] = field(default_factory=dict)  # histogram
+    halvings: int = 0
+    last_resorts: int = 0
+    degraded_steps: int = 0
+    messages: list[str] = field(default_factory=list)  # why steps were degraded, what broke; each once
+    counts: dict[str, int] = field(default_factory=dict)  # points, springs, tetrahedra, constraints by kind
+    failures: list[dict[str, object]] = field(default_factory=list)  # each with time, what, advice
+    outputs: list[str] = field(default_factory=list)  # files written

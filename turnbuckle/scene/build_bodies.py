@@ -55,7 +55,7 @@ def _placed(definition: RopeDef | SheetDef | SolidDef, points: np.ndarray) -> np
     """x = position + R (scale p)."""
     scaled = np.asarray(points, dtype=np.float64) * definition.scale
     if np.any(definition.rotation != 0.0):
-        scaled = Rotation.from_rotvec(definition.rotation).apply(scaled)
+        scaled = Rotation.from_rotvec(np.array(definition.rotation)).apply(scaled)
     return np.ascontiguousarray(scaled + definition.position)
 
 

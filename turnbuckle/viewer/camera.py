@@ -61,14 +61,24 @@ def frame_box(low: np.ndarray, high: np.ndarray, up_axis: str, size: tuple[int, 
     right, above, forward = Camera(towards_eye, np.zeros(3), up, low, high).axes()
     r, a, f = corners @ right, corners @ above, corners @ forward
     # A corner is in the picture of an eye at (er, ea, ef) if |a - ea| <= tangent (f - ef), and likewise for r. Each
-    # inequality has two sides; both hold at once for ef up to a limit, reached with the eye in the middle.
+    # inequality has two sides; both hold at once for ef up to a limit.
     tangent = np.tan(FIELD_OF_VIEW / 2) / _MARGIN
     wide = tangent * size[0] / size[1]
     top, bottom = (a - tangent * f).max(), (-a - tangent * f).max()
     east, west = (r - wide * f).max(), (-r - wide * f).max()
     ef = min(-(top + bottom) / (2 * tangent), -(east + west) / (2 * wide))
-    eye = (east - west) / 2 * right + (top - bottom) / 2 * above + ef * forward
+    eye = _middle(r, f - ef) * right + _middle(a, f - ef) * above + ef * forward
     return Camera(eye, eye + (f.mean() - ef) * forward, up, low, high)
+
+
+def _middle(sideways: np.ndarray, depth: np.ndarray) -> float:
+    """The place of the eye from which the outermost corners to both sides are seen under the same angle."""
+    low, high = float(sideways.min()), float(sideways.max())
+    for _ in range(50):
+        middle = (low + high) / 2
+        slope = (sideways - middle) / depth
+        low, high = (middle, high) if slope.max() + slope.min() > 0 else (low, middle)
+    return (low + high) / 2
 
 
 class Framing:

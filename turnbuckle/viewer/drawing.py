@@ -21,7 +21,7 @@ def draw(geometry: SceneGeometry, x: np.ndarray, camera: Camera, backdrop: Image
     surface, lines = geometry.surface, geometry.lines
     vertices, nodes = geometry.vertices("surface", x), geometry.vertices("lines", x)
     paint = np.concatenate([_shade(vertices, surface.cells, surface.colors, camera), 255 * lines.colors * 0.85])
-    rgb = [tuple(c) for c in np.clip(np.round(paint), 0, 255).astype(int).tolist()]
+    rgb = [tuple(c) for c in np.nan_to_num(np.clip(np.round(paint), 0, 255)).astype(int).tolist()]
     outlines: list[list[tuple[float, float]]] = []
     far, visible = [], []
     for points, cells in ((vertices, surface.cells), (nodes, lines.cells)):

@@ -6,6 +6,7 @@ renderer at a time.
 
 import atexit
 import contextlib
+from collections.abc import Callable, Iterator
 from types import ModuleType
 from typing import Any
 
@@ -25,13 +26,38 @@ def start() -> ModuleType | str:
     """Polyscope, started; or a sentence that says what is missing."""
     if not _started:
         try:
-            import polyscope  # only when a picture is asked for
+            with _no_farewell():
+                import polyscope  # only when a picture is asked for
 
-            _start(polyscope)
+                _start(polyscope)
             _started["polyscope"] = polyscope
         except Exception as error:  # whatever it is, the simulation goes on and the picture is drawn another way
             _started["missing"] = _advice(error)
     return _started.get("polyscope", _started.get("missing"))
+
+
+@contextlib.contextmanager
+def _no_farewell() -> Iterator[None]:
+    """If the body fails, take back what it registered for the end of the process.
+
+    Polyscope registers its shutdown before it has started, and that shutdown complains if it never did.
+    """
+    taken: list[Callable[..., Any]] = []
+    register = atexit.register
+
+    def note(action: Callable[..., Any], *arguments: Any, **named: Any) -> Callable[..., Any]:
+        taken.append(action)
+        return register(action, *arguments, **named)
+
+    atexit.register = note  # type: ignore[assignment]
+    try:
+        yield
+    except BaseException:
+        for action in taken:
+            atexit.unregister(action)
+        raise
+    finally:
+        atexit.register = register
 
 
 def _start(polyscope: ModuleType) -> None:
@@ -41,14 +67,7 @@ def _start(polyscope: ModuleType) -> None:
     polyscope.set_allow_headless_backends(True)
     polyscope.set_autocenter_structures(False)
     polyscope.set_autoscale_structures(False)
-    try:
-        polyscope.init("openGL3_egl")
-    except Exception:
-        with contextlib.suppress(Exception):  # it would complain at exit that it never began
-            import polyscope_bindings
-
-            atexit.unregister(polyscope_bindings.shutdown)
-        raise
+    polyscope.init("openGL3_egl")
     polyscope.set_automatically_compute_scene_extents(False)
     polyscope.set_ground_plane_mode("none")  # its shadows take a second a frame where the processor draws
     polyscope.set_view_projection_mode("perspective")
