@@ -6,7 +6,8 @@ tetrahedra, with the number of the body on each cell. The topology is written on
 
 Kill-proof: room for many frames is laid out ahead, so that adding a frame moves no table of the file. Its numbers are
 written into their place and then, last and in one piece, the attribute ``NSteps`` says that they count. Only while
-room is doubled (some ten times in a run of ten thousand frames, about a millisecond each) may a kill hurt the file.
+room is doubled (some ten times in a run of ten thousand frames, about a millisecond each) may a kill hurt the file;
+where that is too much, record .npz too, which has no such moment.
 """
 
 import functools

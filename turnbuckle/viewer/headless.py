@@ -98,6 +98,7 @@ class HeadlessView:
         polyscope, size = self._polyscope, backdrop.size
         if not _shown or _shown[0] is not self:
             self._register(x)
+            self.draw(x, camera, backdrop)  # the first picture still has traces of the view before it: not taken
         polyscope.set_window_size(*size)
         for kind, structure in self._structures.items():
             vertices = self._geometry.vertices(kind, x)
