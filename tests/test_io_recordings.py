@@ -218,3 +218,9 @@ def test_files_that_are_no_recordings(tmp_path, scene, suffix):
         np.savez(path, something=np.zeros(3))
         with pytest.raises(InputError, match="no recording"):
             read_recording(path)
+
+
+def test_without_usd_the_extra_is_named(tmp_path, scene, monkeypatch):
+    monkeypatch.delattr("turnbuckle.io.usd.Usd", raising=False)
+    with pytest.raises(InputError, match=r"turnbuckle\[usd\]"):
+        open_recorder(tmp_path / "run.usdc", scene[0], up_axis="Z", frames_per_second=24)

@@ -1,16 +1,13 @@
-"""What every recorder can do, and the choice of one by the suffix of the file."""
+"""What every recorder can do, and the checks they share."""
 
 from abc import ABC, abstractmethod
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
 from turnbuckle.data.errors import InputError
-from turnbuckle.data.shape import Shape
-
-SUFFIXES = (".npz", ".vtkhdf", ".usdc", ".usda", ".usd")
 
 
 class Recorder(ABC):
@@ -41,46 +38,6 @@ class Recorder(ABC):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
-
-
-def open_recorder(
-    path: str | Path,
-    shapes: list[Shape],
-    *,
-    up_axis: str,
-    frames_per_second: float,
-    info: dict[str, Any] | None = None,
-) -> Recorder:
-    """Start a recording of the bodies ``shapes``; the suffix of ``path`` (one of `SUFFIXES`) chooses the format.
-
-    ``up_axis`` is "Y" or "Z", ``frames_per_second`` [1/s] how fast frames are meant to be shown, ``info`` anything that
-    JSON can hold. A file already there is replaced. Raises InputError, before anything has run, for an unknown suffix,
-    a folder that does not exist or a place that cannot be written to.
-    """
-    path = check_target(path, SUFFIXES)
-    if up_axis not in ("Y", "Z"):
-        raise InputError(f"recording {path}: up_axis is '{up_axis}'; use 'Y' or 'Z'")
-    if not (np.isfinite(frames_per_second) and frames_per_second > 0):
-        raise InputError(f"recording {path}: frames_per_second is {frames_per_second}; give a positive number")
-    suffix = path.suffix.lower()
-    facts = {**(info or {}), "up_axis": up_axis, "frames_per_second": float(frames_per_second)}
-    # Each format's library takes a while to import, and a run needs one of them.
-    try:
-        if suffix == ".npz":
-            from turnbuckle.io.npz import NpzRecorder
-
-            return NpzRecorder(path, shapes, facts)
-        if suffix == ".vtkhdf":
-            from turnbuckle.io.vtkhdf import VtkHdfRecorder
-
-            return VtkHdfRecorder(path, shapes, facts)
-        try:
-            from turnbuckle.io.usd import UsdRecorder  # optional extra
-        except ImportError:
-            raise InputError(f"recording {path}: USD needs usd-core; run: pip install 'turnbuckle[usd]'") from None
-        return UsdRecorder(path, shapes, facts)
-    except OSError as error:
-        raise InputError(f"recording {path}: cannot be written ({reason(error)}); choose another place") from None
 
 
 def check_target(path: str | Path, suffixes: tuple[str, ...]) -> Path:

@@ -10,6 +10,7 @@ import numpy as np
 from turnbuckle.data.errors import InputError
 from turnbuckle.data.shape import Shape
 from turnbuckle.io.npz import read_npz
+from turnbuckle.io.vtkhdf import read_vtkhdf
 
 
 @dataclass(frozen=True)
@@ -34,8 +35,6 @@ def read_recording(path: str | Path) -> Recording:
         shapes, info, times, x, v = read_npz(path)
         return Recording(times, shapes, lambda frame: np.array(x[frame]), lambda frame: np.array(v[frame]), info)
     if suffix == ".vtkhdf":
-        from turnbuckle.io.vtkhdf import read_vtkhdf  # h5py takes a while to import
-
         shapes, info, times, fetch = read_vtkhdf(path)
         return Recording(times, shapes, lambda frame: fetch("x", frame), lambda frame: fetch("v", frame), info)
     raise InputError(f"recording {path}: only .npz and .vtkhdf can be read back")

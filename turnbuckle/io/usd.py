@@ -9,16 +9,21 @@ cannot be appended to: .usda is recorded as ``NAME.usda.part.usdc`` (a whole fil
 out as text at the end.
 """
 
+from __future__ import annotations
+
+import contextlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pxr import Gf, Sdf, Tf, Usd, UsdGeom, Vt
 
 from turnbuckle.data.errors import InputError
 from turnbuckle.data.shape import Shape
 from turnbuckle.io.recorder import Recorder, check_frame, reason
+
+with contextlib.suppress(ImportError):  # an optional extra: UsdRecorder says what to install
+    from pxr import Gf, Sdf, Tf, Usd, UsdGeom, Vt
 
 _Pick = Callable[[np.ndarray], np.ndarray]  # positions or velocities of all points -> those of a prim
 _UNSAVED = 1 << 26  # bytes of frames kept in memory before they are saved unasked
@@ -28,6 +33,8 @@ class UsdRecorder(Recorder):
     """Writes .usdc, .usda, .usd."""
 
     def __init__(self, path: Path, shapes: list[Shape], info: dict[str, Any]) -> None:
+        if "Usd" not in globals():
+            raise InputError(f"recording {path}: USD needs usd-core; run: pip install 'turnbuckle[usd]'")
         self._path = path
         self._points: int | None = None
         self._rate = float(info["frames_per_second"])
