@@ -104,7 +104,8 @@ def jacobians(e: Gradients, v: np.ndarray, room: np.ndarray) -> tuple[np.ndarray
     outer = e.g[:, :, None] * e.g[:, None, :]
     norm = np.sqrt(np.einsum("nij,nij->n", e.h, e.h))
     bound = np.min(room[e.points], axis=1) if len(e.points) else np.zeros(0)
-    weight = np.minimum(1.0, bound / np.maximum(np.abs(factor) * norm, 1e-300))
+    pull = np.abs(factor) * norm
+    weight = np.where(pull > bound, bound / np.where(pull > bound, pull, 1.0), 1.0)
     turning = np.einsum("nij,nj->ni", e.h, local_v)
     k = -e.k[:, None, None] * outer - (weight * factor)[:, None, None] * e.h
     k -= (weight * e.k_d)[:, None, None] * e.g[:, :, None] * turning[:, None, :]

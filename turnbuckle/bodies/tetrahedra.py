@@ -45,9 +45,9 @@ def tetrahedra_forces(width: int) -> wp.Kernel:
     @wp.func
     def edge(d: Vectors, w: Vectors, inverse_rest: scalars, k: real, k_d: real):
         """Distance energy of an edge vector ``d`` with velocity ``w``; ``vector`` is the force on its end."""
-        l = length(d)
-        g = wp.cw_div(inverse_rest, l)
-        c = wp.cw_mul(l, inverse_rest) - used(inverse_rest)
+        size = length(d)
+        g = wp.cw_div(inverse_rest, size)
+        c = wp.cw_mul(size, inverse_rest) - used(inverse_rest)
         rate = wp.cw_mul(g, dot(d, w))
         r = Element()
         r.vector = scale(d, -wp.cw_mul(g, c * k + rate * k_d))
@@ -59,9 +59,9 @@ def tetrahedra_forces(width: int) -> wp.Kernel:
     def area(e1: Vectors, e2: Vectors, w1: Vectors, w2: Vectors, inverse_rest: scalars, k: real, k_d: real):
         """Area energy of a triangle; the force on its second point is ``e2 x vector``, on its third ``vector x e1``."""
         n = cross(e1, e2)
-        l = length(n)
-        s = wp.cw_div(inverse_rest, l) * real(0.5)
-        c = wp.cw_mul(l, inverse_rest) * real(0.5) - used(inverse_rest)
+        size = length(n)
+        s = wp.cw_div(inverse_rest, size) * real(0.5)
+        c = wp.cw_mul(size, inverse_rest) * real(0.5) - used(inverse_rest)
         rate = wp.cw_mul(s, dot(n, sub(cross(w1, e2), cross(w2, e1))))
         r = Element()
         r.vector = scale(n, -wp.cw_mul(s, c * k + rate * k_d))

@@ -13,7 +13,7 @@ from turnbuckle.math.types import real, vec3
 wp.set_module_options({"enable_backward": False})
 
 TILE = 256
-MEASURES = 6  # per tile of points, see `measure_points`
+MEASURES = 12  # per tile of points, see `measure_points`
 
 
 @wp.kernel
@@ -59,10 +59,10 @@ def join_residuals(
         for e in range(offsets[c] + 1, offsets[c + 1]):
             i = points[e]
             j = points[e - 1]
-            p = wp.max(p, wp.length(x[i] - x[j]))
-            r = wp.max(r, wp.length(v[i] - v[j]))
-    position_out[c] = p
-    rate_out[c] = r
+            p = wp.max(p, wp.length_sq(x[i] - x[j]))
+            r = wp.max(r, wp.length_sq(v[i] - v[j]))
+    position_out[c] = wp.sqrt(p)
+    rate_out[c] = wp.sqrt(r)
 
 
 @wp.kernel
@@ -136,26 +136,18 @@ def velocity_residuals(
 
 
 @wp.kernel
-def tile_maxima(begin: int, values: wp.array(dtype=real), tile_out: wp.array(dtype=real)):
-    """The largest of each tile of values; a value that is not finite counts as 1e300."""
+def tile_maxima(
+    begin: int, position: wp.array(dtype=real), rate: wp.array(dtype=real), tile_out: wp.array2d(dtype=real)
+):
+    """The largest residuals of each tile of constraints; what is not a number gets through."""
     t = begin + wp.tid()
-    best = real(0.0)
-    for i in range(t * TILE, wp.min((t + 1) * TILE, values.shape[0])):
-        value = values[i]
-        if not wp.isfinite(value):
-            value = real(1e300)
-        best = wp.max(best, value)
-    tile_out[t] = best
-
-
-@wp.kernel
-def tile_sums(begin: int, values: wp.array(dtype=real), tile_out: wp.array(dtype=real)):
-    """The sum of each tile of values."""
-    t = begin + wp.tid()
-    total = real(0.0)
-    for i in range(t * TILE, wp.min((t + 1) * TILE, values.shape[0])):
-        total += values[i]
-    tile_out[t] = total
+    p = real(0.0)
+    r = real(0.0)
+    for c in range(t * TILE, wp.min((t + 1) * TILE, position.shape[0])):
+        p = wp.where(position[c] <= p, p, position[c])
+        r = wp.where(rate[c] <= r, r, rate[c])
+    tile_out[t, 0] = p
+    tile_out[t, 1] = r
 
 
 @wp.kernel
@@ -186,28 +178,42 @@ def internal_momentum(
 ):
     """Linear and angular momentum of the points of each tile that no nail or velocity goal holds."""
     t = begin + wp.tid()
-    p = vec3()
-    l = vec3()
+    px = real(0.0)  # numbers, not vectors: six sums stay in registers
+    py = real(0.0)
+    pz = real(0.0)
+    lx = real(0.0)
+    ly = real(0.0)
+    lz = real(0.0)
     for i in range(t * TILE, wp.min((t + 1) * TILE, mass.shape[0])):
-        if external[i] == wp.uint8(0):
-            mv = v[i] * mass[i]
-            p += mv
-            l += wp.cross(x[i], mv)
-    for k in range(3):
-        tile_out[t, k] = p[k]
-        tile_out[t, 3 + k] = l[k]
+        m = wp.where(external[i] == wp.uint8(0), mass[i], real(0.0))
+        mv = v[i] * m
+        spin = wp.cross(x[i], mv)
+        px += mv[0]
+        py += mv[1]
+        pz += mv[2]
+        lx += spin[0]
+        ly += spin[1]
+        lz += spin[2]
+    tile_out[t, 0] = px
+    tile_out[t, 1] = py
+    tile_out[t, 2] = pz
+    tile_out[t, 3] = lx
+    tile_out[t, 4] = ly
+    tile_out[t, 5] = lz
 
 
 @wp.kernel
 def measure_points(
     begin: int,
     mass: wp.array(dtype=real),
+    external: wp.array(dtype=wp.uint8),
     params: wp.array(dtype=real),
     x: wp.array(dtype=vec3),
     v: wp.array(dtype=vec3),
     tile_out: wp.array2d(dtype=real),
 ):
-    """Kinetic energy, gravity energy, ``sum m|v|``, ``sum m|x||v|``, largest ``|x|`` and ``|v|`` of each tile."""
+    """Kinetic energy, gravity energy, ``sum m|v|``, ``sum m|x||v|``, largest ``|x|^2`` and ``|v|^2`` of each tile, then what
+    `internal_momentum` gives."""
     t = begin + wp.tid()
     g = vec3(params[GRAVITY], params[GRAVITY + 1], params[GRAVITY + 2])
     kinetic = real(0.0)
@@ -216,23 +222,44 @@ def measure_points(
     angular = real(0.0)
     farthest = real(0.0)
     fastest = real(0.0)
+    px = real(0.0)
+    py = real(0.0)
+    pz = real(0.0)
+    lx = real(0.0)
+    ly = real(0.0)
+    lz = real(0.0)
     for i in range(t * TILE, wp.min((t + 1) * TILE, mass.shape[0])):
         m = mass[i]
-        v2 = wp.dot(v[i], v[i])
-        speed = wp.sqrt(v2)
-        kinetic += real(0.5) * m * v2
-        potential -= m * wp.dot(g, x[i])
-        linear += m * speed
-        distance = wp.length(x[i])
-        angular += m * speed * distance
-        farthest = wp.max(farthest, distance)
-        fastest = wp.max(fastest, speed)
-    tile_out[t, 4] = farthest
-    tile_out[t, 5] = fastest
-    tile_out[t, 0] = kinetic
-    tile_out[t, 1] = potential
+        xi = x[i]
+        vi = v[i]
+        v2 = wp.dot(vi, vi)
+        x2 = wp.dot(xi, xi)
+        kinetic += m * v2
+        potential += m * wp.dot(g, xi)
+        linear += m * wp.sqrt(v2)
+        angular += m * wp.sqrt(v2 * x2)
+        farthest = wp.where(x2 <= farthest, farthest, x2)  # a value that is not a number gets through
+        fastest = wp.where(v2 <= fastest, fastest, v2)
+        mv = vi * wp.where(external[i] == wp.uint8(0), m, real(0.0))
+        spin = wp.cross(xi, mv)
+        px += mv[0]
+        py += mv[1]
+        pz += mv[2]
+        lx += spin[0]
+        ly += spin[1]
+        lz += spin[2]
+    tile_out[t, 0] = real(0.5) * kinetic
+    tile_out[t, 1] = -potential
     tile_out[t, 2] = linear
     tile_out[t, 3] = angular
+    tile_out[t, 4] = farthest
+    tile_out[t, 5] = fastest
+    tile_out[t, 6] = px
+    tile_out[t, 7] = py
+    tile_out[t, 8] = pz
+    tile_out[t, 9] = lx
+    tile_out[t, 10] = ly
+    tile_out[t, 11] = lz
 
 
 def tiles(n: int) -> int:
@@ -248,18 +275,16 @@ class Certificate:
         self.device = device
         self.points = wp.zeros((tiles(points), MEASURES), dtype=real, device=device)
         self.before = wp.zeros((tiles(points), 6), dtype=real, device=device)
-        self.after = wp.zeros((tiles(points), 6), dtype=real, device=device)
-        self.maxima: dict[str, tuple[wp.array, wp.array]] = {}
+        self.maxima: dict[str, wp.array] = {}
         self.powers: dict[str, wp.array] = {}
         for kind, table in state.tables.by_kind().items():
             n = tiles(len(table.phase))
-            self.maxima[kind] = (wp.zeros(n, dtype=real, device=device), wp.zeros(n, dtype=real, device=device))
+            self.maxima[kind] = wp.zeros((n, 2), dtype=real, device=device)
             self.powers[kind] = wp.zeros(n, dtype=real, device=device)
 
-    def record_momentum(self, p: Program, mass: wp.array, x: wp.array, v: wp.array, after: bool) -> None:
-        """Record the momentum of points without external constraints, before and after constraints are met."""
-        out = self.after if after else self.before
-        p.launch(internal_momentum, out.shape[0], [mass, self.state.external, x, v, out])
+    def record_momentum(self, p: Program, mass: wp.array, x: wp.array, v: wp.array) -> None:
+        """Record the momentum of points without external constraints before constraints are met; `record` takes it after."""
+        p.launch(internal_momentum, self.before.shape[0], [mass, self.state.external, x, v, self.before])
 
     def record(self, p: Program, mass: wp.array, x: wp.array, v: wp.array, lands_later: bool) -> None:
         """Record all measurements of the state ``(x, v)``."""
@@ -286,18 +311,17 @@ class Certificate:
         if t.rows:
             p.launch(velocity_residuals, len(t.phase), [t.phase, t.point, t.goal, v, t.rate_residual])
             p.launch(tile_powers, tiles(len(t.phase)), [t.phase, t.force, t.goal, self.powers["velocity"]])
-        p.launch(measure_points, self.points.shape[0], [mass, self.state.params, x, v, self.points])
+        p.launch(measure_points, self.points.shape[0], [mass, self.state.external, self.state.params, x, v, self.points])
         p.barrier()
         for kind, table in tables.by_kind().items():
             if table.rows:
-                position, rate = self.maxima[kind]
-                p.launch(tile_maxima, len(position), [table.position_residual, position])
-                p.launch(tile_maxima, len(rate), [table.rate_residual, rate])
+                out = self.maxima[kind]
+                p.launch(tile_maxima, out.shape[0], [table.position_residual, table.rate_residual, out])
 
     def residuals(self, kind: str) -> tuple[float, float]:
         """Largest position residual [m] and rate residual [m/s] of fully active rows of a kind."""
-        position, rate = self.maxima[kind]
-        return float(position.numpy().max()), float(rate.numpy().max())
+        position, rate = self.maxima[kind].numpy().max(axis=0)
+        return float(position), float(rate)
 
     def power(self) -> float:
         """Power of nails and velocity goals [W]."""
@@ -306,11 +330,11 @@ class Certificate:
     def totals(self) -> np.ndarray:
         """Kinetic energy [J], gravity energy [J], sum m|v|, sum m|x||v|, largest |x| and |v|."""
         values = self.points.numpy()
-        return np.r_[values[:, :4].sum(axis=0), values[:, 4:].max(axis=0)]
+        return np.r_[values[:, :4].sum(axis=0), np.sqrt(values[:, 4:6].max(axis=0))]
 
     def momentum_error(self, scale_linear: float, scale_angular: float) -> tuple[float, float]:
         """Change of momentum by internal constraints, relative to the scales of `totals`."""
-        change = self.after.numpy().sum(axis=0) - self.before.numpy().sum(axis=0)
+        change = self.points.numpy()[:, 6:].sum(axis=0) - self.before.numpy().sum(axis=0)
         linear, angular = np.linalg.norm(change[:3]), np.linalg.norm(change[3:])
         return (
             float(linear / scale_linear) if scale_linear > 0.0 else 0.0,

@@ -15,7 +15,6 @@ from turnbuckle.constraints.points import attach, nail, points_to_point, slide, 
 from turnbuckle.data.model import Model
 from turnbuckle.data.state import Kinematics, State
 from turnbuckle.data.tables import JOINT
-from turnbuckle.integrators import Scheme
 from turnbuckle.solvers.implicit import ImplicitSolver
 from turnbuckle.solvers.joint import JointSolver
 

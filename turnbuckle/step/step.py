@@ -10,7 +10,19 @@ from turnbuckle.compute import Program
 from turnbuckle.constraints.activation import break_rows, update_windows
 from turnbuckle.data.model import Model
 from turnbuckle.data.report import StepReport
-from turnbuckle.data.state import ADD, D_OVER_C, GRAVITY, INVERSE_C, MEMORY, PREVIOUS_H, PROJECT, TIME, H, Kinematics, State
+from turnbuckle.data.state import (
+    ADD,
+    D_OVER_C,
+    GRAVITY,
+    INVERSE_C,
+    MEMORY,
+    PREVIOUS_H,
+    PROJECT,
+    TIME,
+    H,
+    Kinematics,
+    State,
+)
 from turnbuckle.integrators import SCHEMES
 from turnbuckle.step.certificate import Certificate
 from turnbuckle.step.goals import aim_again, move_goals
@@ -69,16 +81,15 @@ class Stepper:
         scheme.predict(r)
         p.stage("constraints")
         on = scheme.landing(r)
-        self.certificate.record_momentum(p, r.mass, on.x, on.v, after=False)
+        self.certificate.record_momentum(p, r.mass, ahead.x, ahead.v)
         p.barrier()
         r.land(on)
         p.barrier()
         if scheme.finishes_velocity:
             scheme.finish(r)
-            self.certificate.record_momentum(p, r.mass, on.x, on.v, after=False)
+            self.certificate.record_momentum(p, r.mass, ahead.x, ahead.v)
             p.barrier()
             r.constrain_velocity(ahead.v)
-        self.certificate.record_momentum(p, r.mass, on.x, on.v, after=True)
         p.stage("forces")
         r.forces(ahead.x, ahead.v, ahead.force, 1.0)
         p.stage("integration")

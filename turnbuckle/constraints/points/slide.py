@@ -123,7 +123,7 @@ def held_directions(
         t = wp.normalize(b - a)
         return every - wp.outer(t, t)
     c = x[elements[e, 2]]
-    edges = int(0)  # how many rim edges the closest point lies on
+    edges = 0  # how many rim edges the closest point lies on
     tangent = vec3()
     if weights[0] == real(0.0) and (bits & 1) != 0:
         edges += 1
@@ -181,7 +181,7 @@ def find_places(
         query_lower = wp.vec3f(outwards(p[0] - r, -1.0), outwards(p[1] - r, -1.0), outwards(p[2] - r, -1.0))
         query_upper = wp.vec3f(outwards(p[0] + r, 1.0), outwards(p[1] + r, 1.0), outwards(p[2] + r, 1.0))
         query = wp.bvh_query_aabb(tree, query_lower, query_upper)
-        e = int(0)
+        e = 0
         while wp.bvh_query_next(query, e):
             if e >= lo and e < hi:
                 candidate = element_weights(p, e, elements, x)
@@ -199,9 +199,9 @@ def find_places(
                 best = e
                 best_weights = candidate
     element[c] = best
-    corners = int(3)
+    corners = 3
     if elements[best, 2] < 0:
-        corners = int(2)
+        corners = 2
     count_out[c] = corners + 1
     weights_out[c, 0] = real(1.0)
     for k in range(3):
