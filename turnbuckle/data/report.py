@@ -15,6 +15,7 @@ class StepReport:
     rate_residual: dict[str, float] = field(default_factory=dict)  # [m/s] by kind
     active: dict[str, int] = field(default_factory=dict)  # constraints acting, by kind
     ramping: int = 0  # constraints in gradual activation
+    settling: bool = False  # explicit Euler, first step of new constraints: residuals say nothing yet
     broken: list[str] = field(default_factory=list)  # constraints that broke in this step
     momentum_error: tuple[float, float] = (0.0, 0.0)  # change by internal constraints: linear over sum m|v|, angular over sum m|x||v|
     energies: dict[str, float] = field(default_factory=dict)  # kinetic, elastic, gravity, work, dissipation [J]

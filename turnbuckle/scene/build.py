@@ -60,6 +60,7 @@ def build(definition: SceneDef, folder: Path, device: str = "cpu") -> tuple[Mode
     )
     state = _first_state(definition, model, np.repeat([b.velocity for b in bodies], np.diff(begins), axis=0))
     add_constraints(model, state, definition.constraints)
+    state.scene_groups = state.group_count
     return model, state
 
 

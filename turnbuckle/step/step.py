@@ -40,7 +40,6 @@ class Stepper:
         self.scheme = SCHEMES[model.integrator]()
         self._ahead = Kinematics.zeros(model.points, model.device)
         self._layout = -1
-        self._dissipation_power = 0.0
 
     def step(self, dt: float) -> StepReport:
         """Advance the state by ``dt`` [s]. When the report says "failed", the state is as it was before."""
@@ -55,7 +54,7 @@ class Stepper:
         try:
             if state.stale:
                 self._program("evaluate").run()
-                self._dissipation_power = self._damping_power()
+                state.dissipation_power = self._damping_power()
             elif dt != state.dt:
                 if scheme.lands_later:
                     aim_again(state, dt)
@@ -141,8 +140,8 @@ class Stepper:
     def _commit(self, dt: float, report: StepReport) -> None:
         state = self.state
         power = self._damping_power()
-        state.dissipation += 0.5 * dt * (power + self._dissipation_power)
-        self._dissipation_power = power
+        state.dissipation += 0.5 * dt * (power + state.dissipation_power)
+        state.dissipation_power = power
         state.work += dt * (self.certificate.power() + self.scratch.field_power)
         state.now, self._ahead = self._ahead, state.now
         state.time += dt
@@ -194,6 +193,7 @@ class Stepper:
             report.position_residual[kind], report.rate_residual[kind] = position, rate
             if not settling and (position > allowed or rate > allowed_rate) and self.model.response == "exact":
                 report.messages.append(f"{kind} constraints are missed by {position:.2e} m and {rate:.2e} m/s")
+        report.settling = settling
         if settling:
             report.messages.append("explicit Euler meets new constraints in their second step")
         if report.ramping:
