@@ -1,4 +1,7 @@
-"""Turnbuckle: exact constrained dynamics of deformable and rigid bodies."""
+"""Turnbuckle: exact constrained dynamics of deformable and rigid bodies.
+
+`Scene` is what is simulated, `run_scene` simulates it with recordings and a report, `Simulation` step by step.
+"""
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -8,6 +11,7 @@ if TYPE_CHECKING:
     from turnbuckle.data.model import Model
     from turnbuckle.data.report import RunReport, StepReport
     from turnbuckle.data.state import State
+    from turnbuckle.run.run import run_scene
     from turnbuckle.scene.scene import Scene
     from turnbuckle.step.simulation import Simulation
     from turnbuckle.step.step import Stepper
@@ -27,11 +31,12 @@ _HOMES = {
     "StepReport": "data.report",
     "Stepper": "step.step",
     "TurnbuckleError": "data.errors",
+    "run_scene": "run.run",
 }
 
 __all__ = [
     "ConflictError", "InputError", "Model", "RunReport", "Scene", "Simulation", "State", "StepError", "StepReport",
-    "Stepper", "TurnbuckleError",
+    "Stepper", "TurnbuckleError", "run_scene",
 ]  # fmt: skip
 
 

@@ -60,3 +60,4 @@ class RunReport:
     counts: dict[str, int] = field(default_factory=dict)  # points, springs, tetrahedra, constraints by kind
     failures: list[dict[str, object]] = field(default_factory=list)  # each with time, what, advice
     outputs: list[str] = field(default_factory=list)  # files written
+    resumed: dict[str, object] | None = None  # "file", "time" [s] and "steps" where the run went on from a checkpoint

@@ -1,0 +1,60 @@
+"""The certificate of a run: a short table for the terminal."""
+
+from collections.abc import Iterator
+
+from turnbuckle.data.report import RunReport
+
+SHOWN = 6  # messages and failures printed in full
+
+
+def certificate(report: RunReport) -> str:
+    """What was simulated, how fast, and how exactly every constraint was met, a line each."""
+    rows = list(_rows(report))
+    width = max(len(name) for name, _ in rows)
+    return "\n".join(f"{name:<{width}}  {text}".rstrip() for name, text in rows)
+
+
+def _rows(report: RunReport) -> Iterator[tuple[str, str]]:
+    yield "scene", f"{report.scene}: {report.status}"
+    bodies = [f"{report.counts[k]} {k}" for k in ("points", "springs", "tetrahedra") if report.counts.get(k)]
+    kinds = [f"{n} {kind}" for kind, n in report.counts.items() if kind in report.worst_residual]
+    if bodies:
+        yield "size", ", ".join(bodies)
+    if kinds:
+        yield "constraints", ", ".join(kinds)
+    if report.resumed:
+        yield "resumed", f"from {report.resumed['file']} at {_number(report.resumed['time'])} s, step {report.resumed['steps']}"
+    yield "steps", f"{report.steps}, {_number(report.simulated_seconds)} s simulated in {report.wall_seconds:.2f} s on {report.device}"
+    total = report.ms_per_step.get("total")
+    if total is not None:
+        stages = ", ".join(f"{name} {ms:.3f}" for name, ms in report.ms_per_step.items() if name != "total")
+        yield "ms a step", f"{total:.3f}" + (f" ({stages})" if stages else "")
+    label = "worst residual"
+    for kind, position in report.worst_residual.items():
+        yield label, f"{kind} {position:.1e} m, {report.worst_rate_residual.get(kind, 0.0):.1e} m/s"
+        label = ""
+    if report.worst_conflict > 0.0:
+        yield "worst conflict", f"{report.worst_conflict:.1e} m"
+    error = report.momentum_error
+    yield "momentum error", f"linear {error['linear']:.1e}, angular {error['angular']:.1e} (relative, a step)"
+    if report.energies:
+        yield "energy", ", ".join(f"{name} {_number(value)} J" for name, value in report.energies.items())
+    yield "degraded", f"{report.degraded_steps} of {report.steps} steps" if report.degraded_steps else "no step"
+    yield from (("", text) for text in _first(report.messages))
+    for failure in report.failures[:SHOWN]:
+        yield "failed", f"at {_number(failure['time'])} s: {failure['what']}"
+        if failure.get("advice"):
+            yield "advice", str(failure["advice"])
+    label = "written"
+    for path in report.outputs:
+        yield label, path
+        label = ""
+
+
+def _first(texts: list[str]) -> list[str]:
+    more = [f"and {len(texts) - SHOWN} more, in the report file"] if len(texts) > SHOWN else []
+    return [*texts[:SHOWN], *more]
+
+
+def _number(value: object) -> str:
+    return f"{value:.6g}" if isinstance(value, int | float) else str(value)

@@ -1,0 +1,148 @@
+"""The recordings of a run: opened before it starts, fed at the frame rate, closed whole whatever happens."""
+
+import re
+import tempfile
+import time
+from collections.abc import Sequence
+from os import PathLike
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from turnbuckle import io, viewer
+from turnbuckle.data.errors import InputError, StepError
+from turnbuckle.data.model import Model
+from turnbuckle.data.state import State
+
+FLUSH = 1.0  # seconds of wall time between two flushes at least
+FLUSH_PART = 0.05  # of the wall time that flushes may take
+SLACK = 1e-6  # of a frame: what the adding up of steps may miss the time of a frame by
+SUFFIXES = (*io.SUFFIXES, *viewer.SUFFIXES)
+_NUMBERED = re.compile(r"%0?\d*d")  # a picture a frame
+
+
+class RecordingError(StepError):
+    """A recording cannot be written any further."""
+
+
+class _Recorder(Protocol):
+    def write(self, time: float, x: np.ndarray, v: np.ndarray) -> None: ...
+    def flush(self) -> None: ...
+    def close(self) -> None: ...
+
+
+def check_outputs(out: Sequence[str | PathLike[str]], report: Path | None, checkpoint: Path | None) -> list[Path]:
+    """The recordings as paths, if all that is to be written can be. Raises InputError."""
+    paths = [Path(p) for p in out]
+    for path in paths:
+        if path.suffix.lower() not in SUFFIXES:
+            raise InputError(f"recording {path}: the suffix '{path.suffix}' is not known; use one of {', '.join(SUFFIXES)}")
+    named = [("recording", p) for p in paths] + [("report", report), ("checkpoint", checkpoint)]
+    taken: dict[Path, str] = {}
+    for what, target in named:
+        if target is None:
+            continue
+        if target.is_dir():
+            raise InputError(f"{what} {target}: is a folder; give the name of a file")
+        if not target.parent.is_dir():
+            raise InputError(f"{what} {target}: there is no folder {target.parent}; make it first")
+        try:
+            with tempfile.TemporaryFile(dir=target.parent):
+                pass
+        except OSError as error:
+            raise InputError(
+                f"{what} {target}: cannot be written ({error.strerror or error}); choose another place"
+            ) from None
+        place = target.absolute()
+        if place in taken:
+            raise InputError(f"{what} {target}: is named for the {taken[place]} already; give each file its own name")
+        taken[place] = what
+    return paths
+
+
+def fresh_name(path: Path, steps: int) -> Path:
+    """Where a resumed run records: ``path``, or a name with the step in it where an earlier recording is in the way."""
+    first = path.with_name(_NUMBERED.sub(lambda found: found.group() % 0, path.name, count=1))
+    if path.suffix.lower() == ".png" and first == path:
+        return path  # the last frame alone: a newer one takes its place
+    parts = (".part", ".part.usdc")  # of a recording that was killed
+    if not any(p.exists() for p in (first, *(path.with_name(path.name + part) for part in parts))):
+        return path
+    return fresh_name(path.with_name(f"{path.stem}_from_step_{steps}{path.suffix}"), steps) if (
+        f"_from_step_{steps}" not in path.stem
+    ) else _counted(path)
+
+
+def _counted(path: Path) -> Path:
+    number = 2
+    while path.with_name(f"{path.stem}_{number}{path.suffix}").exists():
+        number += 1
+    return path.with_name(f"{path.stem}_{number}{path.suffix}")
+
+
+class Outputs:
+    """All recordings of a run."""
+
+    def __init__(self, paths: Sequence[Path], model: Model, frames_per_second: float, info: dict[str, Any]) -> None:
+        """Open them. Raises InputError; those already open are closed then."""
+        self.notes: list[str] = []
+        self.paths: list[Path] = []
+        self._recorders: list[_Recorder] = []
+        self._rate = frames_per_second
+        self._written: float | None = None
+        self._flushed = time.perf_counter()
+        self._rest = FLUSH
+        self.next_frame = np.inf if not paths else -np.inf  # simulated time from which a frame is due [s]
+        try:
+            for path in paths:
+                start = io.open_recorder if path.suffix.lower() in io.SUFFIXES else viewer.open_picture
+                recorder = start(
+                    path, list(model.shapes), up_axis=model.up_axis, frames_per_second=frames_per_second, info=info
+                )
+                self._recorders.append(recorder)
+                self.paths.append(path)
+                note = getattr(recorder, "note", None)
+                if note:
+                    self.notes.append(note)
+        except BaseException:
+            self.close()
+            raise
+
+    def write(self, state: State) -> None:
+        """A frame of the state as it is. Raises `RecordingError`."""
+        at = float(state.time)
+        self.next_frame = (np.floor(at * self._rate + SLACK) + 1.0 - SLACK) / self._rate
+        if not self._recorders or self._written == at:
+            return
+        x, v = state.positions(), state.velocities()
+        try:
+            for recorder in self._recorders:
+                recorder.write(at, x, v)
+        except (OSError, InputError) as error:
+            raise RecordingError(f"{error}; the run has ended at t = {at:.6g} s") from error
+        self._written = at
+        if time.perf_counter() - self._flushed > self._rest:
+            self.flush()
+
+    def flush(self) -> None:
+        """Put all frames where a kill cannot reach them. Raises `RecordingError`."""
+        began = time.perf_counter()
+        try:
+            for recorder in self._recorders:
+                recorder.flush()
+        except (OSError, InputError) as error:
+            raise RecordingError(f"{error}; the run has ended") from error
+        self._flushed = time.perf_counter()
+        self._rest = max(FLUSH, (self._flushed - began) / FLUSH_PART)
+
+    def close(self) -> list[str]:
+        """Finish every file, also when another cannot be; what went wrong, a sentence each."""
+        problems = []
+        for recorder in self._recorders:
+            try:
+                recorder.close()
+            except (OSError, InputError) as error:
+                problems.append(str(error))
+        self._recorders = []
+        return problems
