@@ -44,6 +44,7 @@ def add_group(model: Model, state: State, group: Group) -> None:
     state.groups[group.name] = group
     state.group_count += 1
     group.number = state.group_count
+    state.layout += 1  # there may be rows of a size, or with a ramp or moving goal, that nothing was recorded for
     if group.wanted(state.time, state.dt):
         try:
             activate(model, state, group)
@@ -140,6 +141,7 @@ def retarget(state: State, name: str, goal: Goal, moving: bool) -> None:
         write(table.phase, alive, group.ramp_steps)
         write(table.ramp.step, alive, 1)
     state.activated = state.activated or group.acting
+    state.layout += 1
 
 
 def find_group(state: State, name: str) -> Group:

@@ -18,6 +18,7 @@ PROJECT = wp.constant(7)  # 1: velocities are put on the constraint by a multipl
 MEMORY = wp.constant(8)  # 1: the scheme remembers a velocity (Verlet's w) that is constrained like v
 ADD = wp.constant(9)  # 1: the force of landing adds to the force of the first stage
 PREVIOUS_H = wp.constant(10)  # the step before this one [s]
+INVERSE_H = wp.constant(11)  # 1 / step [1/s]
 PARAMS = 16
 
 

@@ -35,8 +35,8 @@ class Table:
     ramp: Ramp
     limit: wp.array  # (capacity,) float64, breaks above this force [N]
     force: wp.array  # (capacity,) vec3d [N]: on the point (nail, velocity), on the first point (attach, slide)
-    position_residual: wp.array  # (capacity,) float64 [m] of the committed state, fully active rows
-    rate_residual: wp.array  # (capacity,) float64 [m/s]
+    position_residual: wp.array  # (capacity,) float64, SQUARED [m^2], of the committed state, fully active rows
+    rate_residual: wp.array  # (capacity,) float64, SQUARED [m^2/s^2]
 
 
 @dataclass

@@ -23,19 +23,23 @@ def nail_residuals(
     point: wp.array(dtype=wp.int32),
     goal: wp.array(dtype=vec3),
     rate: wp.array(dtype=vec3),
+    moving: int,
     x: wp.array(dtype=vec3),
     v: wp.array(dtype=vec3),
     position_out: wp.array(dtype=real),
     rate_out: wp.array(dtype=real),
 ):
-    """Distance to the goal [m], and of the velocity to the goal's rate [m/s]."""
+    """Squared distance to the goal [m^2], and of the velocity to the goal's rate [m^2/s^2]."""
     c = begin + wp.tid()
     p = real(0.0)
     r = real(0.0)
     if phase[c] == 0 or phase[c] == -2:
         i = point[c]
-        p = wp.length(x[i] - goal[c])
-        r = wp.length(v[i] - rate[c])
+        p = wp.length_sq(x[i] - goal[c])
+        if moving != 0:
+            r = wp.length_sq(v[i] - rate[c])
+        else:
+            r = wp.length_sq(v[i])
     position_out[c] = p
     rate_out[c] = r
 
@@ -51,7 +55,7 @@ def join_residuals(
     position_out: wp.array(dtype=real),
     rate_out: wp.array(dtype=real),
 ):
-    """The largest distance of a point from the one before it in the row, of positions and velocities."""
+    """The largest squared distance of a point from the one before it in the row, of positions and velocities."""
     c = begin + wp.tid()
     p = real(0.0)
     r = real(0.0)
@@ -61,8 +65,8 @@ def join_residuals(
             j = points[e - 1]
             p = wp.max(p, wp.length_sq(x[i] - x[j]))
             r = wp.max(r, wp.length_sq(v[i] - v[j]))
-    position_out[c] = wp.sqrt(p)
-    rate_out[c] = wp.sqrt(r)
+    position_out[c] = p
+    rate_out[c] = r
 
 
 @wp.kernel
@@ -77,7 +81,7 @@ def place_residuals(
     position_out: wp.array(dtype=real),
     rate_out: wp.array(dtype=real),
 ):
-    """Distance of a point from its place on a line, triangle or tetrahedron, ``|x_0 - sum alpha_k x_k|``."""
+    """Squared distance of a point from its place on a line, triangle or tetrahedron, ``|x_0 - sum alpha_k x_k|^2``."""
     c = begin + wp.tid()
     place = vec3()
     drift = vec3()
@@ -85,8 +89,8 @@ def place_residuals(
         for k in range(count[c]):
             place += weights[c, k] * x[points[c, k]]
             drift += weights[c, k] * v[points[c, k]]
-    position_out[c] = wp.length(place)
-    rate_out[c] = wp.length(drift)
+    position_out[c] = wp.length_sq(place)
+    rate_out[c] = wp.length_sq(drift)
 
 
 @wp.kernel
@@ -102,7 +106,7 @@ def slide_residuals(
     position_out: wp.array(dtype=real),
     rate_out: wp.array(dtype=real),
 ):
-    """Distance of a sliding point from its line or triangle (its own projection, no clamped search), and its velocity off it."""
+    """Squared distance of a sliding point from its line or triangle (its own projection, no clamped search), and its velocity off it."""
     c = begin + wp.tid()
     p = real(0.0)
     r = real(0.0)
@@ -112,8 +116,8 @@ def slide_residuals(
         for k in range(count[c]):
             place += weights[c, k] * x[points[c, k]]
             drift += weights[c, k] * v[points[c, k]]
-        p = wp.length(place)
-        r = wp.length(directions[c] * drift)
+        p = wp.length_sq(place)
+        r = wp.length_sq(directions[c] * drift)
     position_out[c] = p
     rate_out[c] = r
 
@@ -127,11 +131,11 @@ def velocity_residuals(
     v: wp.array(dtype=vec3),
     rate_out: wp.array(dtype=real),
 ):
-    """Distance of the velocity to its goal [m/s]."""
+    """Squared distance of the velocity to its goal [m^2/s^2]."""
     c = begin + wp.tid()
     r = real(0.0)
     if phase[c] == 0 or phase[c] == -2:
-        r = wp.length(v[point[c]] - goal[c])
+        r = wp.length_sq(v[point[c]] - goal[c])
     rate_out[c] = r
 
 
@@ -139,7 +143,7 @@ def velocity_residuals(
 def tile_maxima(
     begin: int, position: wp.array(dtype=real), rate: wp.array(dtype=real), tile_out: wp.array2d(dtype=real)
 ):
-    """The largest residuals of each tile of constraints; what is not a number gets through."""
+    """The largest squared residuals of each tile of constraints; what is not a number gets through."""
     t = begin + wp.tid()
     p = real(0.0)
     r = real(0.0)
@@ -288,12 +292,24 @@ class Certificate:
 
     def record(self, p: Program, mass: wp.array, x: wp.array, v: wp.array, lands_later: bool) -> None:
         """Record all measurements of the state ``(x, v)``."""
+        p.launch(measure_points, self.points.shape[0], [mass, self.state.external, self.state.params, x, v, self.points])
+        self.record_constraints(p, x, v, lands_later)
+        p.barrier()
+        for kind, table in self.state.tables.by_kind().items():
+            if table.rows:
+                out = self.maxima[kind]
+                p.launch(tile_maxima, out.shape[0], [table.position_residual, table.rate_residual, out])
+
+    def record_constraints(self, p: Program, x: wp.array, v: wp.array, lands_later: bool) -> None:
+        """Record the residuals of all constraints, and the power of those that move."""
         tables = self.state.tables
+        moving = {g.kind for g in self.state.groups.values() if g.moving or g.kind == "velocity"}
         t = tables.nail
         if t.rows:
             goal = t.goal_now if lands_later else t.goal
-            given = [t.phase, t.point, goal, t.rate, x, v]
+            given = [t.phase, t.point, goal, t.rate, int("nail" in moving), x, v]
             p.launch(nail_residuals, len(t.phase), [*given, t.position_residual, t.rate_residual])
+        if "nail" in moving:
             p.launch(tile_powers, tiles(len(t.phase)), [t.phase, t.force, t.rate, self.powers["nail"]])
         t = tables.points_to_point
         if t.rows:
@@ -311,16 +327,10 @@ class Certificate:
         if t.rows:
             p.launch(velocity_residuals, len(t.phase), [t.phase, t.point, t.goal, v, t.rate_residual])
             p.launch(tile_powers, tiles(len(t.phase)), [t.phase, t.force, t.goal, self.powers["velocity"]])
-        p.launch(measure_points, self.points.shape[0], [mass, self.state.external, self.state.params, x, v, self.points])
-        p.barrier()
-        for kind, table in tables.by_kind().items():
-            if table.rows:
-                out = self.maxima[kind]
-                p.launch(tile_maxima, out.shape[0], [table.position_residual, table.rate_residual, out])
 
     def residuals(self, kind: str) -> tuple[float, float]:
         """Largest position residual [m] and rate residual [m/s] of fully active rows of a kind."""
-        position, rate = self.maxima[kind].numpy().max(axis=0)
+        position, rate = np.sqrt(self.maxima[kind].numpy().max(axis=0))
         return float(position), float(rate)
 
     def power(self) -> float:

@@ -22,7 +22,7 @@ from turnbuckle.solvers.joint import JointSolver
 class Scratch:
     """What a step needs and can be thrown away between steps."""
 
-    def __init__(self, model: Model, state: State) -> None:
+    def __init__(self, model: Model) -> None:
         device, arrays = model.device, model.device_arrays
         self.vectors: dict[str, wp.array] = {}
         self._unused: dict[tuple, wp.array] = {}
@@ -34,9 +34,16 @@ class Scratch:
         self.block_power = wp.zeros_like(self.block_energy)
         self.field_power = 0.0  # of force fields at the state last evaluated [W]
         self.implicit = ImplicitSolver(model) if model.integrator in ("implicit_euler", "newmark") else None
-        self.surfaces = slide.upload(state.tables.domains, state.now.x, device) if state.tables.domains else None
+        self.surfaces: slide.Surfaces | None = None
         self.joint: JointSolver | None = None
         self.row_forces: Callable[[], None] | None = None
+
+    def follow(self, model: Model, state: State) -> None:
+        """Catch up with constraints that were added, or share points in another way."""
+        self.joint = None
+        domains = state.tables.domains
+        if domains and (self.surfaces is None or self.surfaces.domains != len(domains)):
+            self.surfaces = slide.upload(domains, state.now.x, model.device)
 
     def unused(self, like: wp.array) -> wp.array:
         """An array of the shape of ``like`` for results that nobody reads."""
@@ -168,12 +175,14 @@ class StepRecorder:
     def land(self, on: Kinematics) -> None:
         """Record the one exact pass over all constraints: positions, then velocities."""
         p, t, mass, now = self.program, self.state.tables, self.mass, self.now
+        ramped = {g.kind for g in self.state.groups.values() if g.ramp_steps > 0}
         if t.nail.rows:
-            nail.land(p, t.nail, mass, self.params, now, on)
+            moving = any(g.moving for g in self.state.groups.values() if g.kind == "nail")
+            nail.land(p, t.nail, mass, self.params, now, on, "nail" in ramped, moving)
         if t.points_to_point.rows:
-            points_to_point.land(p, t.points_to_point, mass, self.params, now, on)
+            points_to_point.land(p, t.points_to_point, mass, self.params, now, on, "points_to_point" in ramped)
         if t.attach.rows:
-            attach.land(p, t.attach, mass, self.params, now, on)
+            attach.land(p, t.attach, mass, self.params, now, on, "attach" in ramped)
         if t.velocity.rows:
             velocity.land(p, t.velocity, mass, self.params, now, on)
         p.barrier()

@@ -74,7 +74,7 @@ class Simulation:
     def residuals(self, constraint: str) -> np.ndarray:
         """Position residuals [m] of the rows of a constraint after the last step, shape (rows,)."""
         group = find_group(self.state, constraint)
-        return getattr(self.state.tables, group.kind).position_residual.numpy()[group.rows].copy()
+        return np.sqrt(getattr(self.state.tables, group.kind).position_residual.numpy()[group.rows])
 
     # Changing between two steps -----------------------------------------------------------------------------------
 

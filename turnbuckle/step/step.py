@@ -15,6 +15,7 @@ from turnbuckle.data.state import (
     D_OVER_C,
     GRAVITY,
     INVERSE_C,
+    INVERSE_H,
     MEMORY,
     PREVIOUS_H,
     PROJECT,
@@ -40,6 +41,7 @@ class Stepper:
         self.scheme = SCHEMES[model.integrator]()
         self._ahead = Kinematics.zeros(model.points, model.device)
         self._layout = -1
+        self.scratch = Scratch(model)
 
     def step(self, dt: float) -> StepReport:
         """Advance the state by ``dt`` [s]. When the report says "failed", the state is as it was before."""
@@ -113,7 +115,7 @@ class Stepper:
         if state.layout != self._layout:
             self._layout = state.layout
             self._programs: dict[tuple[str, int], Program] = {}
-            self.scratch = Scratch(self.model, state)
+            self.scratch.follow(self.model, state)
             self.certificate = Certificate(state, self.model.points, self.model.device)
         c, d = scheme.response(dt)
         paper = self.model.response == "paper"
@@ -126,7 +128,7 @@ class Stepper:
         params[PROJECT] = 0.0 if paper or scheme.lands_later else 1.0
         params[MEMORY] = 1.0 if scheme.velocity_memory else 0.0
         params[ADD] = 1.0 if scheme.adds_landing and not paper else 0.0
-        params[PREVIOUS_H] = state.dt
+        params[PREVIOUS_H], params[INVERSE_H] = state.dt, 1.0 / dt
         state.params.assign(params)
 
     def _program(self, name: str) -> Program:

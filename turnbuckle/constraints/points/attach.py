@@ -5,11 +5,14 @@ points closes the gap ``g = sum_k w_k x*_k`` when ``F = -g / sum_k c_k w_k^2``: 
 the paper prints ``F_i``. The forces sum to zero because the alphas sum to one.
 """
 
+from functools import cache
+
+import numpy as np
 import warp as wp
 
 from turnbuckle.compute import Program
 from turnbuckle.constraints.points.ramp import advance, kept_fraction
-from turnbuckle.data.state import ADD, D_OVER_C, INVERSE_C, MEMORY, PROJECT, H, Kinematics
+from turnbuckle.data.state import ADD, D_OVER_C, INVERSE_C, INVERSE_H, MEMORY, PROJECT, H, Kinematics
 from turnbuckle.data.tables import Attachments
 from turnbuckle.math.types import real, vec3
 
@@ -47,8 +50,67 @@ def inverse_mass(
     return total
 
 
+@cache
+def land_attachments(size: int) -> wp.Kernel:
+    """The kernel for rows of ``size`` points (3: line, 4: triangle, 5: tetrahedron), its sums written out."""
+
+    @wp.kernel
+    def land_rows(
+        begin: int,
+        phase: wp.array(dtype=wp.int32),
+        count: wp.array(dtype=wp.int32),
+        points: wp.array2d(dtype=wp.int32),
+        weights: wp.array2d(dtype=real),
+        mass: wp.array(dtype=real),
+        params: wp.array(dtype=real),
+        x: wp.array(dtype=vec3),
+        v: wp.array(dtype=vec3),
+        w: wp.array(dtype=vec3),
+        force_out: wp.array(dtype=vec3),
+    ):
+        """Close the gap of each attachment and write the force on its first point [N]; rows that are fully active."""
+        c = begin + wp.tid()
+        if phase[c] == 0 and count[c] == size:
+            memory = params[MEMORY] != real(0.0)
+            head = points[c, 0]
+            x0 = x[head]
+            v0 = v[head]
+            w0 = w[head]
+            flexibility = real(1.0) / mass[head]
+            gap = vec3()
+            gap_v = vec3()
+            gap_w = vec3()
+            for k in range(1, size):
+                i = points[c, k]
+                a = weights[c, k]
+                flexibility += a * a / mass[i]
+                gap += a * (x[i] - x0)
+                gap_v += a * (v[i] - v0)
+                gap_w += a * (w[i] - w0)
+            stiffness = real(1.0) / flexibility
+            push = gap * (-stiffness)  # m_k dx_k = w_k push
+            v_push = push * params[D_OVER_C]
+            w_push = push * params[INVERSE_H]
+            if params[PROJECT] != real(0.0):
+                v_push = gap_v * (-stiffness)
+                w_push = gap_w * (-stiffness)
+            for k in range(size):
+                i = points[c, k]
+                share = weights[c, k] / mass[i]
+                x[i] = x[i] + push * share
+                v[i] = v[i] + v_push * share
+                if memory:
+                    w[i] = w[i] + w_push * share
+            f = push * params[INVERSE_C]
+            if params[ADD] != real(0.0):
+                f += force_out[c]
+            force_out[c] = f
+
+    return land_rows
+
+
 @wp.kernel
-def land_attachments(
+def close_attachments(
     begin: int,
     count: wp.array(dtype=wp.int32),
     points: wp.array2d(dtype=wp.int32),
@@ -65,10 +127,10 @@ def land_attachments(
     w: wp.array(dtype=vec3),
     force_out: wp.array(dtype=vec3),
 ):
-    """Close the gap of each attachment and write the force on its first point [N]."""
+    """As `land_attachments`, for rows in gradual activation and any number of points."""
     c = begin + wp.tid()
     n = phase[c]
-    if n < 0:
+    if n <= 0:
         return
     k_end = count[c]
     h = params[H]
@@ -76,20 +138,15 @@ def land_attachments(
     project = params[PROJECT] != real(0.0)
     flexibility = inverse_mass(c, k_end, points, weights, mass)
     gap = weighted_sum(c, k_end, points, weights, x)
-    wanted = vec3()
-    closing = vec3()
-    if n > 0:
-        paper = ramp_paper[c]
-        gap_now = weighted_sum(c, k_end, points, weights, x_now)
-        kept = kept_fraction(n, ramp_step[c], paper, ramp_speed[c], wp.length(gap_now), h)
-        advance(c, kept, phase, ramp_step)
-        if kept > real(0.0):
-            if paper != wp.uint8(0):
-                wanted = kept * gap
-                project = False
-            else:
-                wanted = kept * gap_now
-                closing = gap_now * ((kept - real(1.0)) / h)
+    paper = ramp_paper[c]
+    gap_now = weighted_sum(c, k_end, points, weights, x_now)
+    kept = kept_fraction(n, ramp_step[c], paper, ramp_speed[c], wp.length(gap_now), h)
+    advance(c, kept, phase, ramp_step)
+    wanted = kept * gap_now
+    closing = gap_now * wp.where(kept > real(0.0), (kept - real(1.0)) / h, real(0.0))
+    if paper != wp.uint8(0):
+        wanted = kept * gap
+        project = project and kept == real(0.0)
     push = (wanted - gap) / flexibility  # m_k dx_k = w_k push
     f = push * params[INVERSE_C]
     if params[ADD] != real(0.0):
@@ -133,13 +190,19 @@ def project_attachments(
     force_out[c] = push
 
 
-def land(program: Program, table: Attachments, mass: wp.array, params: wp.array, now: Kinematics, ahead: Kinematics) -> None:
-    """Record the one exact pass over all attachments."""
-    ramp = table.ramp
-    given = [table.count, table.points, table.weights, ramp.paper, ramp.speed, mass, params, now.x]
-    program.launch(
-        land_attachments, len(table.phase), [*given, table.phase, ramp.step, ahead.x, ahead.v, ahead.memory, table.force]
-    )
+def land(
+    program: Program, table: Attachments, mass: wp.array, params: wp.array, now: Kinematics, ahead: Kinematics, ramps: bool
+) -> None:
+    """Record the one exact pass over all attachments; ``ramps``: some may be in gradual activation."""
+    n, ramp = len(table.phase), table.ramp
+    places = [table.count, table.points, table.weights]
+    moved = [ahead.x, ahead.v, ahead.memory, table.force]
+    for size in np.unique(table.count.numpy()[: table.rows]):
+        program.launch(land_attachments(int(size)), n, [table.phase, *places, mass, params, *moved])
+    if ramps:
+        program.barrier()
+        given = [*places, ramp.paper, ramp.speed, mass, params, now.x]
+        program.launch(close_attachments, n, [*given, table.phase, ramp.step, *moved])
 
 
 def project(program: Program, table: Attachments, mass: wp.array, y: wp.array, force_out: wp.array) -> None:

@@ -32,6 +32,7 @@ HIERARCHY_FROM = 64  # elements; fewer are searched one by one
 class Surfaces:
     """All domains of a scene on the device, and the hierarchy over their elements."""
 
+    domains: int  # how many
     elements: wp.array  # (n, 3) int32, third corner -1 for segments
     rim: wp.array  # (n,) int32
     first: wp.array  # (domains + 1,) int32, the elements of each domain
@@ -48,6 +49,7 @@ def upload(domains: list[Domain], x: wp.array, device: str) -> Surfaces:
     n = len(stacked)
     boxes = [wp.zeros(n, dtype=wp.vec3f, device=device) for _ in range(2)]
     surfaces = Surfaces(
+        len(domains),
         wp.array(stacked, dtype=wp.int32, device=device),
         wp.array(np.concatenate([*(d.rim for d in domains), np.zeros(0)]).astype(np.int32), dtype=wp.int32, device=device),
         wp.array(first, dtype=wp.int32, device=device),
