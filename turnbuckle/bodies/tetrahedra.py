@@ -22,13 +22,13 @@ from turnbuckle.math.types import real, vec3
 
 EDGES = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
 TRIANGLES = ((0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3))
+OPTIONS = {"enable_backward": False, "cpu_compiler_flags": "-march=native -mllvm=-inline-threshold=9000"}
 RESTS = 11  # per block and lane: 1 / (6 V0), six 1 / D0, four 1 / A0
 
 
 @cache
 def tetrahedra_forces(width: int) -> wp.Kernel:
     """The force kernel for blocks of ``width`` lanes."""
-    wp.set_module_options({"enable_backward": False, "cpu_compiler_flags": "-march=native -mllvm=-inline-threshold=9000"})
     lanes = algebra(width)
     scalars, Vectors = lanes.scalars, lanes.Vectors
     add, sub, scale, dot, cross = lanes.add, lanes.sub, lanes.scale, lanes.dot, lanes.cross
@@ -69,7 +69,7 @@ def tetrahedra_forces(width: int) -> wp.Kernel:
         r.power = wp.cw_mul(rate, rate) * k_d
         return r
 
-    @wp.kernel
+    @wp.kernel(module="unique", module_options=OPTIONS)
     def forces(
         begin: int,
         corners: wp.array2d(dtype=wp.int32),

@@ -54,7 +54,7 @@ def inverse_mass(
 def land_attachments(size: int) -> wp.Kernel:
     """The kernel for rows of ``size`` points (3: line, 4: triangle, 5: tetrahedron), its sums written out."""
 
-    @wp.kernel
+    @wp.kernel(module="unique", module_options={"enable_backward": False})
     def land_rows(
         begin: int,
         phase: wp.array(dtype=wp.int32),
