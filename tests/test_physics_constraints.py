@@ -10,7 +10,6 @@ from laboratory import Held, Run, attach, join, nail, rope, size
 from reference import constraints, schemes
 
 EXACT = 1e-12
-SLIDE_RATE = pytest.mark.xfail(strict=True, reason="velocities are put on the predicted line or plane, before it lands")
 
 
 def slide(name: str, point: tuple[str, int], body: str, **on) -> dict:
@@ -178,9 +177,12 @@ def test_sliding_points_lie_on_their_line_and_plane(name):
     assert max(gaps.values()) <= EXACT, gaps
 
 
-@pytest.mark.parametrize("name", [pytest.param(name, marks=SLIDE_RATE) for name in schemes.EXPLICIT])
+@pytest.mark.parametrize("name", [name for name in schemes.EXPLICIT if name != "explicit_euler"])
 def test_sliding_points_do_not_leave_their_line_and_plane(name):
-    """The velocity is measured across the line or plane where it is now, not where it was predicted."""
+    """The velocity is measured across the line or plane where it is now, not where it was predicted.
+
+    Under explicit Euler it is ``x + h v`` that lies on the line: v itself points along it to first order only.
+    """
     rates = {key: rate for key, (_, rate) in sliding(name, 0.0).items()}
     assert max(rates.values()) <= EXACT, rates
 

@@ -21,14 +21,15 @@ FIRM_DAMPING = {"damping_distance": 0.002, "damping_area": 0.002, "damping_volum
 def robot_on_ropes(
     mesh: str | None = None,
     length: float = 8.0,
-    drop: float = 2.2,
+    drop: float = 1.8,
     rope_radius: float = 0.06,
-    rope_density: float = 500.0,
-    rope_stiffness: float = 2500.0,
+    rope_density: float = 200.0,
+    rope_stiffness: float = 800.0,
     robot_density: float = 200.0,
     height: float = 1.2,
-    dt: float = 2e-4,
-    duration: float = 2.4,
+    air: float = 1.5,
+    dt: float = 1e-4,
+    duration: float = 2.0,
 ) -> Scene:
     """A robot slides down two ropes, its hands held on their triangulated surfaces (Local, Figure 3).
 
@@ -50,6 +51,8 @@ def robot_on_ropes(
         hands = _add_robot(scene, robot_density)
     else:
         hands = _add_mesh(scene, Path(mesh), height, robot_density)
+    if air > 0.0:
+        scene.add_force("air", expression=[f"-{air!r} * m * {v}" for v in ("vx", "vy", "vz")])
     # The hand touches the middle of the lower side of a rope, one eighth of the way down.
     below = np.array([0.0, np.sin(tilt), np.cos(tilt)]) * rope_radius * np.cos(np.pi / RIM)
     start = length / 8.0
@@ -65,9 +68,9 @@ def robot_on_ropes(
             k_distance=rope_stiffness,
             k_area=rope_stiffness,
             k_volume=rope_stiffness,
-            damping_distance=0.1,
-            damping_area=0.1,
-            damping_volume=0.1,
+            damping_distance=2e-5 * rope_stiffness,
+            damping_area=2e-5 * rope_stiffness,
+            damping_volume=2e-5 * rope_stiffness,
         )
         ends = np.concatenate([np.arange(RIM + 1), ROPE_CELLS * (RIM + 1) + np.arange(RIM + 1)])
         scene.add_constraint("nail", f"{side}_rope_ends", points={"body": name, "indices": ends})
@@ -155,12 +158,10 @@ def _add_mesh(scene: Scene, path: Path, height: float, density: float) -> Hands:
     if not extent.min() > 0.0:
         raise InputError(f"robot_on_ropes: mesh '{path}' is flat; give a closed surface or tetrahedra")
     points = (points - 0.5 * (points.min(axis=0) + points.max(axis=0))) * (height / extent[2])
-    # An even share of 1800 J for all elements: the robot above has 295 + 288 tetrahedra of 3 x 150 J.
+    # An even share for all elements: the robot above has 295 + 288 tetrahedra of 3 x 150 J.
     share = 1e5 / len(cells)
     stiffness = {name: share for name in FIRM}
     damping = {name: share / 3000.0 for name in FIRM_DAMPING}
-    surface = {"surface": str(path)} if isinstance(mesh, SurfaceMesh) else {}
-    del surface  # the surface file has its own scale
     scene.add_solid(
         "robot", vertices=points, tetrahedra=cells, density=density, color=[0.80, 0.25, 0.20], **stiffness, **damping
     )

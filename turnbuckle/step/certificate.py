@@ -101,23 +101,40 @@ def slide_residuals(
     points: wp.array2d(dtype=wp.int32),
     weights: wp.array2d(dtype=real),
     directions: wp.array(dtype=wp.mat33d),
+    with_rate: int,
     x: wp.array(dtype=vec3),
     v: wp.array(dtype=vec3),
     position_out: wp.array(dtype=real),
     rate_out: wp.array(dtype=real),
 ):
-    """Squared distance of a sliding point from its line or triangle (its own projection, no clamped search), and its velocity off it."""
+    """Squared distance of a sliding point from its place on the domain, and of its velocity off the domain.
+
+    Inside a face, off means along the normal of the triangle as it is; on a line, off its tangent as it is; on edges,
+    corners and rims along the held directions.
+    """
     c = begin + wp.tid()
     p = real(0.0)
     r = real(0.0)
     if phase[c] == 0 or phase[c] == -2:
         place = vec3()
         drift = vec3()
+        edge = int(0)
         for k in range(count[c]):
             place += weights[c, k] * x[points[c, k]]
             drift += weights[c, k] * v[points[c, k]]
+            if weights[c, k] == real(0.0):
+                edge += 1
         p = wp.length_sq(place)
-        r = wp.length_sq(directions[c] * drift)
+        if with_rate != 0:
+            off = directions[c] * drift
+            a = x[points[c, 1]]
+            if edge == 0 and count[c] == 4:
+                n = wp.normalize(wp.cross(x[points[c, 2]] - a, x[points[c, 3]] - a))
+                off = n * wp.dot(n, drift)
+            if edge == 0 and count[c] == 3:
+                t = wp.normalize(x[points[c, 2]] - a)
+                off = drift - t * wp.dot(t, drift)
+            r = wp.length_sq(off)
     position_out[c] = p
     rate_out[c] = r
 
@@ -321,7 +338,7 @@ class Certificate:
             p.launch(place_residuals, len(t.phase), [*given, t.position_residual, t.rate_residual])
         t = tables.slide
         if t.rows:
-            given = [t.phase, t.count, t.points, t.weights, t.directions, x, v]
+            given = [t.phase, t.count, t.points, t.weights, t.directions, int(not lands_later), x, v]
             p.launch(slide_residuals, len(t.phase), [*given, t.position_residual, t.rate_residual])
         t = tables.velocity
         if t.rows:

@@ -15,6 +15,7 @@ from turnbuckle.constraints.points import attach, nail, points_to_point, slide, 
 from turnbuckle.data.model import Model
 from turnbuckle.data.state import Kinematics, State
 from turnbuckle.data.tables import JOINT
+from turnbuckle.integrators import SCHEMES
 from turnbuckle.solvers.implicit import ImplicitSolver
 from turnbuckle.solvers.joint import JointSolver
 
@@ -75,6 +76,7 @@ class StepRecorder:
         self.mass = model.device_arrays["mass"]
         self.params = state.params
         self.paper = model.response == "paper"
+        self.remembers_velocity = SCHEMES[model.integrator].velocity_memory
         self.program = Program(model.device)
 
     def launch(self, kernel: wp.Kernel, inputs: list) -> None:
@@ -85,6 +87,10 @@ class StepRecorder:
     def scratch(self, name: str) -> wp.array:
         """A vector for each point, by name."""
         return self.work.vector(name, self.model.points, self.model.device)
+
+    def scratch_rows(self, name: str, like: wp.array) -> wp.array:
+        """A vector for each row of a table, by name."""
+        return self.work.vector(f"{name} {len(like)}", len(like), self.model.device)
 
     # Forces --------------------------------------------------------------------------------------------------------
 
@@ -188,7 +194,9 @@ class StepRecorder:
         p.barrier()
         if t.slide.rows:
             slide.find(p, t.slide, self.work.surfaces, on.x)
-            slide.land(p, t.slide, self.state.nailed, t.nail.force, mass, self.params, now, on)
+            closing = self.scratch_rows("closing", t.slide.force)
+            held = (self.state.nailed, t.nail.force, closing)
+            slide.land(p, t.slide, self.work.surfaces, *held, mass, self.params, now, on, self.remembers_velocity)
             p.barrier()
         if has_joint_rows(self.state):
             p.host(lambda: self._joint_land(on))

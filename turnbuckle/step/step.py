@@ -98,6 +98,8 @@ class Stepper:
         p.stage("report")
         if scheme.implicit:
             p.host(lambda: r.work.row_forces() if r.work.row_forces else None)
+        if scheme.lands_later:
+            r.find_places(ahead.x)  # places were found for the step after this one
         self.certificate.record(p, r.mass, ahead.x, ahead.v, scheme.lands_later)
 
     def _record_evaluate(self, r: StepRecorder) -> None:

@@ -125,7 +125,7 @@ def held_directions(
         t = wp.normalize(b - a)
         return every - wp.outer(t, t)
     c = x[elements[e, 2]]
-    edges = 0  # how many rim edges the closest point lies on
+    edges = int(0)  # how many rim edges the closest point lies on
     tangent = vec3()
     if weights[0] == real(0.0) and (bits & 1) != 0:
         edges += 1
@@ -183,7 +183,7 @@ def find_places(
         query_lower = wp.vec3f(outwards(p[0] - r, -1.0), outwards(p[1] - r, -1.0), outwards(p[2] - r, -1.0))
         query_upper = wp.vec3f(outwards(p[0] + r, 1.0), outwards(p[1] + r, 1.0), outwards(p[2] + r, 1.0))
         query = wp.bvh_query_aabb(tree, query_lower, query_upper)
-        e = 0
+        e = int(0)  # a variable that the query writes to; a literal would be a constant
         while wp.bvh_query_next(query, e):
             if e >= lo and e < hi:
                 candidate = element_weights(p, e, elements, x)
@@ -201,7 +201,7 @@ def find_places(
                 best = e
                 best_weights = candidate
     element[c] = best
-    corners = 3
+    corners = int(3)
     if elements[best, 2] < 0:
         corners = 2
     count_out[c] = corners + 1
@@ -262,8 +262,13 @@ def land_slides(
     v: wp.array(dtype=vec3),
     w: wp.array(dtype=vec3),
     force_out: wp.array(dtype=vec3),
+    closing_out: wp.array(dtype=vec3),
 ):
-    """Put each point onto its place, and its velocity along the domain; writes the force on the point [N]."""
+    """Put each point onto its place; writes the force on the point [N], and the rate at which a ramp closes [m/s].
+
+    Where the velocity gets no multiplier of its own (the paper's response, or its ramp) it gets ``d_i F`` here, and the
+    closing rate is set to NaN.
+    """
     c = begin + wp.tid()
     n = phase[c]
     if n < 0:
@@ -293,21 +298,63 @@ def land_slides(
     if params[ADD] != real(0.0):
         f += force_out[c]
     force_out[c] = f
-    v_push = push * params[D_OVER_C]
-    w_push = push / h
-    if project:
-        held = directions[c]
-        v_push = held * ((closing - slide_sum(c, k_end, points, weights, v)) / flexibility)
-        if memory:
-            w_push = held * ((closing - slide_sum(c, k_end, points, weights, w)) / flexibility)
     for k in range(k_end):
         i = points[c, k]
         if nailed[i] < 0:
             share = weights[c, k] / mass[i]
             x[i] = x[i] + push * share
-            v[i] = v[i] + v_push * share
-            if memory:
-                w[i] = w[i] + w_push * share
+            if not project:
+                v[i] = v[i] + push * (share * params[D_OVER_C])
+                if memory:
+                    w[i] = w[i] + push * (share / h)
+    if not project:
+        closing = vec3(wp.nan)
+    closing_out[c] = closing
+
+
+@wp.kernel
+def guide_slides(
+    begin: int,
+    phase: wp.array(dtype=wp.int32),
+    element: wp.array(dtype=wp.int32),
+    elements: wp.array2d(dtype=wp.int32),
+    rim: wp.array(dtype=wp.int32),
+    count: wp.array(dtype=wp.int32),
+    points: wp.array2d(dtype=wp.int32),
+    weights: wp.array2d(dtype=real),
+    nailed: wp.array(dtype=wp.int32),
+    mass: wp.array(dtype=real),
+    closing: wp.array(dtype=vec3),
+    x: wp.array(dtype=vec3),
+    directions: wp.array(dtype=wp.mat33d),
+    y: wp.array(dtype=vec3),
+):
+    """Put the velocities ``y`` (v, or Verlet's w) along the domain where it is *now*: landing has moved it.
+
+    Inside a face, on a line or a rim the held directions are those of the moved element. On an inner edge or corner they
+    stay those of the gap that was closed, since the point has no gap any more.
+    """
+    c = begin + wp.tid()
+    if phase[c] < 0 or wp.isnan(closing[c][0]):
+        return
+    e = element[c]
+    k_end = count[c]
+    bary = vec3(-weights[c, 1], -weights[c, 2], real(0.0))
+    inside = True
+    if k_end == 4:
+        bary = vec3(-weights[c, 1], -weights[c, 2], -weights[c, 3])
+        inside = bary[0] > real(0.0) and bary[1] > real(0.0) and bary[2] > real(0.0)
+    if inside or rim[e] != 0:
+        here = element_place(e, bary, elements, x)
+        fresh = held_directions(here, e, bary, elements, rim, x)
+        if inside or wp.trace(fresh) > real(1.5):  # a face, a line, or really on the rim
+            directions[c] = fresh
+    flexibility = slide_inverse_mass(c, k_end, points, weights, mass, nailed)
+    push = directions[c] * ((closing[c] - slide_sum(c, k_end, points, weights, y)) / flexibility)
+    for k in range(k_end):
+        i = points[c, k]
+        if nailed[i] < 0:
+            y[i] = y[i] + push * (weights[c, k] / mass[i])
 
 
 @wp.kernel
@@ -376,22 +423,29 @@ def find(program: Program, table: Slides, surfaces: Surfaces, x: wp.array) -> No
 def land(
     program: Program,
     table: Slides,
+    surfaces: Surfaces,
     nailed: wp.array,
     nail_force: wp.array,
+    closing: wp.array,
     mass: wp.array,
     params: wp.array,
     now: Kinematics,
     ahead: Kinematics,
+    memory: bool,
 ) -> None:
-    """Record the pass over all rows. ``nailed[i]`` is the nail that holds point i, -1 without."""
-    ramp = table.ramp
-    given = [table.count, table.points, table.weights, table.directions, nailed, ramp.paper, ramp.speed, mass, params, now.x]
-    program.launch(
-        land_slides, len(table.phase), [*given, table.phase, ramp.step, ahead.x, ahead.v, ahead.memory, table.force]
-    )
+    """Record the passes over all rows. ``nailed[i]`` is the nail that holds point i, -1 without; ``closing`` is scratch."""
+    n, ramp = len(table.phase), table.ramp
+    places = [table.count, table.points, table.weights]
+    given = [*places, table.directions, nailed, ramp.paper, ramp.speed, mass, params, now.x]
+    moved = [ahead.x, ahead.v, ahead.memory, table.force, closing]
+    program.launch(land_slides, n, [*given, table.phase, ramp.step, *moved])
     program.barrier()
-    rest = [len(table.phase), table.phase, table.count, table.points, table.weights, nailed, table.force]
-    program.launch(pass_to_nails, 1, [*rest, nail_force])
+    domain = [table.element, surfaces.elements, surfaces.rim]
+    for velocity in (ahead.v, ahead.memory) if memory else (ahead.v,):
+        given = [table.phase, *domain, *places, nailed, mass, closing, ahead.x]
+        program.launch(guide_slides, n, [*given, table.directions, velocity])
+        program.barrier()
+    program.launch(pass_to_nails, 1, [n, table.phase, *places, nailed, table.force, nail_force])
 
 
 def project(
