@@ -155,11 +155,14 @@ class Program:
         self._ready: list | None = None
         self._meet = wp.zeros(32, dtype=int, device="cpu")
 
-    def launch(self, kernel: wp.Kernel, n: int, inputs: Sequence) -> None:
-        """Record ``kernel`` over ``n`` items. The kernel's first parameter, ``begin``, is given here."""
+    def launch(self, kernel: wp.Kernel, n: int, inputs: Sequence, grain: int = 1) -> None:
+        """Record ``kernel`` over ``n`` items, each the work of about ``grain`` points.
+
+        The kernel's first parameter, ``begin``, is given here.
+        """
         if n > 0:
             _load(kernel, self.device)
-            self._segments[-1].append((kernel, n, list(inputs)))
+            self._segments[-1].append((kernel, n, list(inputs), grain))
 
     def barrier(self) -> None:
         """What follows sees the results of all that came before."""
@@ -183,7 +186,8 @@ class Program:
         self._segments[-1].append(("stamp", len(self.stages)))
         _load(stamp, self.device)
         _load(barrier, self.device)
-        largest = max((op[1] for s in self._segments for op in s if isinstance(op, tuple) and op[0] != "stamp"), default=0)
+        launches = [op for s in self._segments for op in s if isinstance(op, tuple) and op[0] != "stamp"]
+        largest = max((n * grain for _, n, _, grain in launches), default=0)
         if largest < PARALLEL:
             self.threads = 1
         while len(_workers) < self.threads - 1:
@@ -207,8 +211,8 @@ class Program:
                     if thread == 0:
                         wp.launch(stamp, 1, inputs=[0, op[1], self.ticks], device=self.device)
                 else:
-                    kernel, n, inputs = op
-                    if n < SMALL:  # whole, to one thread in turn
+                    kernel, n, inputs, grain = op
+                    if n * grain < SMALL:  # whole, to one thread in turn
                         begin, end = (0, n) if count % self.threads == thread else (0, 0)
                         count += 1
                     else:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 
-def write_atomically(path: str | Path, fill: Callable[[BinaryIO], None]) -> None:
+def write_atomically(path: str | os.PathLike[str], fill: Callable[[BinaryIO], object]) -> None:
     """Let ``fill`` write a file beside ``path``, put it onto the disk and only then give it its name.
 
     Until then an older file of that name stays as it is, whatever happens. Raises OSError.

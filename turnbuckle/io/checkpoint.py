@@ -7,6 +7,7 @@ callables come back from the scene, by the name of their constraint.
 """
 
 import json
+import os
 import struct
 import zipfile
 import zlib
@@ -26,6 +27,7 @@ from turnbuckle.io.checkpoint_groups import Shelf, pack_groups, unpack_groups
 from turnbuckle.io.fingerprint import difference, fingerprint
 from turnbuckle.io.recorder import reason
 
+AnyPath = str | os.PathLike[str]
 FORMAT = "turnbuckle checkpoint"
 SCHEMA_VERSION = 1
 _BROKEN_FILE = (
@@ -34,7 +36,7 @@ _BROKEN_FILE = (
 )  # fmt: skip
 
 
-def save(path: str | Path, model: Model, state: State) -> None:
+def save(path: AnyPath, model: Model, state: State) -> None:
     """Write all of ``state`` to ``path``, whole or not at all.
 
     Raises InputError that names a constraint added or retargeted in the run whose goal is a Python callable, OSError
@@ -44,7 +46,7 @@ def save(path: str | Path, model: Model, state: State) -> None:
     write_atomically(path, lambda file: np.savez(file, header=np.array(header), **arrays))
 
 
-def load(path: str | Path, model: Model, state: State) -> None:
+def load(path: AnyPath, model: Model, state: State) -> None:
     """Make ``state``, as `Scene.build` gave it together with ``model``, the state that was saved.
 
     What may change in a run (switches, goals, gravity, ...) is then as in the checkpoint. Raises InputError, and
@@ -66,7 +68,7 @@ def load(path: str | Path, model: Model, state: State) -> None:
     state.layout = layout + 1  # launches recorded for other tables must not be replayed
 
 
-def read_header(path: str | Path) -> dict[str, Any]:
+def read_header(path: AnyPath) -> dict[str, Any]:
     """What the checkpoint says of itself: ``time`` [s], ``steps``, ``model``, ... Raises InputError if it is none."""
     header, _ = _read(path, everything=False)
     return {**header["numbers"], **header}
@@ -120,7 +122,7 @@ def _columns(table: Table) -> dict[str, wp.array]:
 # Unpacking ------------------------------------------------------------------------------------------------------------
 
 
-def _read(path: str | Path, everything: bool) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+def _read(path: AnyPath, everything: bool) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     """Header and arrays; reading a member checks its checksum."""
     path = Path(path)
     if not path.is_file():

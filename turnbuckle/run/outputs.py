@@ -63,22 +63,21 @@ def check_outputs(out: Sequence[str | PathLike[str]], report: Path | None, check
 
 def fresh_name(path: Path, steps: int) -> Path:
     """Where a resumed run records: ``path``, or a name with the step in it where an earlier recording is in the way."""
-    first = path.with_name(_NUMBERED.sub(lambda found: found.group() % 0, path.name, count=1))
-    if path.suffix.lower() == ".png" and first == path:
+    if path.suffix.lower() == ".png" and not _NUMBERED.search(path.name):
         return path  # the last frame alone: a newer one takes its place
-    parts = (".part", ".part.usdc")  # of a recording that was killed
-    if not any(p.exists() for p in (first, *(path.with_name(path.name + part) for part in parts))):
-        return path
-    return fresh_name(path.with_name(f"{path.stem}_from_step_{steps}{path.suffix}"), steps) if (
-        f"_from_step_{steps}" not in path.stem
-    ) else _counted(path)
-
-
-def _counted(path: Path) -> Path:
-    number = 2
-    while path.with_name(f"{path.stem}_{number}{path.suffix}").exists():
+    new, number = path, 1
+    while _is_taken(new):
+        again = f"_{number}" if number > 1 else ""
+        new = path.with_name(f"{path.stem}_from_step_{steps}{again}{path.suffix}")
         number += 1
-    return path.with_name(f"{path.stem}_{number}{path.suffix}")
+    return new
+
+
+def _is_taken(path: Path) -> bool:
+    """Whether there is a recording, whole or left by a run that was killed, or the first picture of a numbered row."""
+    names = [path.name, f"{path.name}.part", f"{path.name}.part.usdc"]
+    names.append(_NUMBERED.sub(lambda found: found.group() % 0, path.name, count=1))
+    return any(path.with_name(name).exists() for name in names)
 
 
 class Outputs:

@@ -25,6 +25,10 @@ STANDS = "; the last good state stands: "  # between what went wrong and the adv
 LOOK = "look at the last frame recorded, and run again from a checkpoint with a smaller dt"
 
 
+class _Stopped(KeyboardInterrupt):
+    """Ctrl-C, heard between two steps."""
+
+
 def run(
     scene: Scene,
     *,
@@ -65,11 +69,14 @@ def run(
         read_header(resume)
     simulation = Simulation(scene, device)
     state = simulation.state
+    tally = Tally(simulation.model)
     if resume is not None:
         load(resume, simulation.model, state)
         paths = [fresh_name(path, state.steps) for path in paths]
+        if paths:
+            named = ", ".join(str(path) for path in paths)
+            tally.result.messages.append(f"recordings begin at t = {state.time:.6g} s, where the run was resumed: {named}")
     schedule = make_schedule(duration, dt, state.time, state.steps)
-    tally = Tally(simulation.model)
     result = tally.result
     info = {"scene": scene.name, "integrator": definition.integrator, "dt": dt, "versions": versions()}
     if resume is not None:
@@ -94,7 +101,7 @@ def run(
         _write_report(report, result)
     if ended is None or (isinstance(ended, TurnbuckleError) and not isinstance(ended, RecordingError)):
         return result
-    raise ended
+    raise KeyboardInterrupt if isinstance(ended, _Stopped) else ended
 
 
 def _path(path: AnyPath | None) -> Path | None:
@@ -129,7 +136,7 @@ def _advance(
         if progress is not None:
             progress(state.time, duration, state.steps, tally.worst)
         if interrupt.asked:
-            raise KeyboardInterrupt
+            raise _Stopped
         if stop is not None and stop(simulation, report):
             return
 
@@ -159,7 +166,7 @@ def _close(
             problems.append(str(error))
     problems += outputs.close()
     # After a failed step the checkpoint stays the last one of the run: the state just before is hardly of use.
-    if tally.result.status == "done" or isinstance(ended, KeyboardInterrupt | RecordingError):
+    if tally.result.status == "done" or isinstance(ended, _Stopped | RecordingError):
         try:
             saver.save(simulation.model, state)
         except StepError as error:

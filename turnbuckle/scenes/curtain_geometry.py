@@ -7,9 +7,9 @@ import numpy as np
 from turnbuckle.data.errors import InputError
 
 # Corner k of a unit cube is its bits: x = k & 1, y = k >> 1 & 1, z = k >> 2.
-_CORNERS = np.array([[k & 1, k >> 1 & 1, k >> 2] for k in range(8)])
+CUBE_CORNERS = np.array([[k & 1, k >> 1 & 1, k >> 2] for k in range(8)])
 # A cube in five: the regular tetrahedron on every second corner, and one on each corner that is left. All det > 0.
-_FIVE = np.array([[0, 5, 3, 6], [1, 3, 0, 5], [2, 0, 3, 6], [4, 0, 6, 5], [7, 5, 6, 3]], dtype=np.int32)
+CUBE_TETRAHEDRA = np.array([[0, 5, 3, 6], [1, 3, 0, 5], [2, 0, 3, 6], [4, 0, 6, 5], [7, 5, 6, 3]], dtype=np.int32)
 _TOP = np.array([2, 3, 6, 7], dtype=np.int32)
 # Edges along z by the corner they take in the x-y plane, the corner at z = 0 first.
 _LOWER_LEFT, _LOWER_RIGHT, _UPPER_LEFT, _UPPER_RIGHT = (np.array([k, k + 4], dtype=np.int32) for k in range(4))
@@ -58,10 +58,10 @@ def curtain_geometry(m: int, rows: int = 20, edge: float = 0.1) -> CurtainGeomet
 
     # Whole numbers times `edge`, so that corners that touch have equal bits.
     grid = np.stack([column[black], -1 - row[black], np.zeros_like(row[black])], axis=1)
-    centred = (grid[:, None, :] + _CORNERS).reshape(-1, 3) - np.array([m - 0.5, 0.0, 0.5])
+    centred = (grid[:, None, :] + CUBE_CORNERS).reshape(-1, 3) - np.array([m - 0.5, 0.0, 0.5])
     vertices = centred * edge
     first = 8 * np.arange(len(grid), dtype=np.int32)
-    tetrahedra = (first[:, None, None] + _FIVE).reshape(-1, 4)
+    tetrahedra = (first[:, None, None] + CUBE_TETRAHEDRA).reshape(-1, 4)
     nails = (8 * cube[0, ::2, None] + _TOP).ravel()
 
     upper_left = _meeting(cube[:-1, :-1], _LOWER_RIGHT, cube[1:, 1:], _UPPER_LEFT)

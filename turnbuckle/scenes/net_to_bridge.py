@@ -21,7 +21,7 @@ def net_to_bridge(
     span: float = 0.95,
     stiffness: float = 200.0,
     density: float = 200.0,
-    air: float = 0.5,
+    air: float = 1.0,
     dt: float = 2.5e-4,
     duration: float = 4.0,
 ) -> Scene:
@@ -69,7 +69,7 @@ def net_to_bridge(
     scene.add_constraint("nail", "net_nails", points={"body": "cubes", "indices": held}, **net)
     scene.add_constraint("points_to_point", "net_joints", zip=_sides(_net_joints(first)), **net)
 
-    ramp = {"steps": max(round(closing / dt), 1), "max_speed": 50.0}
+    ramp = {"steps": max(round(closing / dt), 1)}
     bridge = {"start": change_at, "ramp": ramp}
     banks, goals = _banks(first, edge, 0.5 * span * columns * edge, -lanes * edge)
     scene.add_constraint("nail", "banks", points={"body": "cubes", "indices": banks}, goal=goals, **bridge)
@@ -94,7 +94,7 @@ def _net_joints(first: np.ndarray) -> np.ndarray:
     along = [_pairs(even, RIGHT_LOW, odd, LEFT_HIGH), _pairs(left, RIGHT_HIGH, right, LEFT_LOW)]
     # Lanes j and j + 1 meet at every column; they are joined to the right of even columns for even j, of odd for odd j.
     across = [
-        _pairs(even[:, 1::2], RIGHT_HIGH, odd[:, 0:-1:2] if odd.shape[1] % 2 else odd[:, 0::2], LEFT_LOW),
+        _pairs(even[:, 1::2], RIGHT_HIGH, odd[:, 0:-1:2], LEFT_LOW),
         _pairs(left[:, 1:-1:2], RIGHT_LOW, right[:, 2::2], LEFT_HIGH),
     ]
     return np.concatenate([*along, *across])

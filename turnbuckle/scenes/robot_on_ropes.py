@@ -21,13 +21,13 @@ FIRM_DAMPING = {"damping_distance": 0.002, "damping_area": 0.002, "damping_volum
 def robot_on_ropes(
     mesh: str | None = None,
     length: float = 8.0,
-    drop: float = 1.8,
+    drop: float = 2.2,
     rope_radius: float = 0.06,
     rope_density: float = 200.0,
     rope_stiffness: float = 800.0,
     robot_density: float = 200.0,
     height: float = 1.2,
-    air: float = 1.5,
+    air: float = 1.0,
     dt: float = 1e-4,
     duration: float = 2.0,
 ) -> Scene:

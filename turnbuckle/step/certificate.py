@@ -305,17 +305,18 @@ class Certificate:
 
     def record_momentum(self, p: Program, mass: wp.array, x: wp.array, v: wp.array) -> None:
         """Record the momentum of points without external constraints before constraints are met; `record` takes it after."""
-        p.launch(internal_momentum, self.before.shape[0], [mass, self.state.external, x, v, self.before])
+        p.launch(internal_momentum, self.before.shape[0], [mass, self.state.external, x, v, self.before], TILE)
 
     def record(self, p: Program, mass: wp.array, x: wp.array, v: wp.array, lands_later: bool) -> None:
         """Record all measurements of the state ``(x, v)``."""
-        p.launch(measure_points, self.points.shape[0], [mass, self.state.external, self.state.params, x, v, self.points])
+        given = [mass, self.state.external, self.state.params, x, v]
+        p.launch(measure_points, self.points.shape[0], [*given, self.points], TILE)
         self.record_constraints(p, x, v, lands_later)
         p.barrier()
         for kind, table in self.state.tables.by_kind().items():
             if table.rows:
                 out = self.maxima[kind]
-                p.launch(tile_maxima, out.shape[0], [table.position_residual, table.rate_residual, out])
+                p.launch(tile_maxima, out.shape[0], [table.position_residual, table.rate_residual, out], TILE)
 
     def record_constraints(self, p: Program, x: wp.array, v: wp.array, lands_later: bool) -> None:
         """Record the residuals of all constraints, and the power of those that move."""
@@ -327,7 +328,7 @@ class Certificate:
             given = [t.phase, t.point, goal, t.rate, int("nail" in moving), x, v]
             p.launch(nail_residuals, len(t.phase), [*given, t.position_residual, t.rate_residual])
         if "nail" in moving:
-            p.launch(tile_powers, tiles(len(t.phase)), [t.phase, t.force, t.rate, self.powers["nail"]])
+            p.launch(tile_powers, tiles(len(t.phase)), [t.phase, t.force, t.rate, self.powers["nail"]], TILE)
         t = tables.points_to_point
         if t.rows:
             given = [t.phase, t.offsets, t.points, x, v]
@@ -343,7 +344,7 @@ class Certificate:
         t = tables.velocity
         if t.rows:
             p.launch(velocity_residuals, len(t.phase), [t.phase, t.point, t.goal, v, t.rate_residual])
-            p.launch(tile_powers, tiles(len(t.phase)), [t.phase, t.force, t.goal, self.powers["velocity"]])
+            p.launch(tile_powers, tiles(len(t.phase)), [t.phase, t.force, t.goal, self.powers["velocity"]], TILE)
 
     def residuals(self, kind: str) -> tuple[float, float]:
         """Largest position residual [m] and rate residual [m/s] of fully active rows of a kind."""
