@@ -37,7 +37,10 @@ class Shelf:
     def arrays(self) -> dict[str, np.ndarray]:
         """The two arrays to write."""
         kinds = {"numbers": np.float64, "integers": np.int64}
-        return {f"shelf.{which}": np.concatenate([np.zeros(0, kinds[which]), *parts]) for which, parts in self._parts.items()}
+        return {
+            f"shelf.{which}": np.concatenate([np.zeros(0, kinds[which]), *parts])
+            for which, parts in self._parts.items()
+        }
 
     def get(self, place: list[Any]) -> np.ndarray:
         """The array at a place."""
@@ -81,7 +84,9 @@ def _pack_goal(group: Group, live: bool, shelf: Shelf) -> dict[str, Any] | None:
     return {"type": "callable"}
 
 
-def unpack_groups(entries: list[dict[str, Any]], shelf: Shelf, fresh: State, scene_groups: int, shown: str) -> dict[str, Group]:
+def unpack_groups(
+    entries: list[dict[str, Any]], shelf: Shelf, fresh: State, scene_groups: int, shown: str
+) -> dict[str, Group]:
     """The groups, in their order. ``fresh``: the state as the scene builds it. Raises InputError where they do not fit."""
     numbered = {g.number: g for g in fresh.groups.values() if g.number <= fresh.scene_groups}
     if scene_groups != fresh.scene_groups:

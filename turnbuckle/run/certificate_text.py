@@ -23,8 +23,14 @@ def _rows(report: RunReport) -> Iterator[tuple[str, str]]:
     if kinds:
         yield "constraints", ", ".join(kinds)
     if report.resumed:
-        yield "resumed", f"from {report.resumed['file']} at {_number(report.resumed['time'])} s, step {report.resumed['steps']}"
-    yield "steps", f"{report.steps}, {_number(report.simulated_seconds)} s simulated in {report.wall_seconds:.2f} s on {report.device}"
+        yield (
+            "resumed",
+            f"from {report.resumed['file']} at {_number(report.resumed['time'])} s, step {report.resumed['steps']}",
+        )
+    yield (
+        "steps",
+        f"{report.steps}, {_number(report.simulated_seconds)} s simulated in {report.wall_seconds:.2f} s on {report.device}",
+    )
     total = report.ms_per_step.get("total")
     if total is not None:
         stages = ", ".join(f"{name} {ms:.3f}" for name, ms in report.ms_per_step.items() if name != "total")

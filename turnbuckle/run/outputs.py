@@ -37,7 +37,9 @@ def check_outputs(out: Sequence[str | PathLike[str]], report: Path | None, check
     paths = [Path(p) for p in out]
     for path in paths:
         if path.suffix.lower() not in SUFFIXES:
-            raise InputError(f"recording {path}: the suffix '{path.suffix}' is not known; use one of {', '.join(SUFFIXES)}")
+            raise InputError(
+                f"recording {path}: the suffix '{path.suffix}' is not known; use one of {', '.join(SUFFIXES)}"
+            )
     named = [("recording", p) for p in paths] + [("report", report), ("checkpoint", checkpoint)]
     taken: dict[Path, str] = {}
     for what, target in named:

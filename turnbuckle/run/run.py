@@ -75,7 +75,9 @@ def run(
         paths = [fresh_name(path, state.steps) for path in paths]
         if paths:
             named = ", ".join(str(path) for path in paths)
-            tally.result.messages.append(f"recordings begin at t = {state.time:.6g} s, where the run was resumed: {named}")
+            tally.result.messages.append(
+                f"recordings begin at t = {state.time:.6g} s, where the run was resumed: {named}"
+            )
     schedule = make_schedule(duration, dt, state.time, state.steps)
     result = tally.result
     info = {"scene": scene.name, "integrator": definition.integrator, "dt": dt, "versions": versions()}
