@@ -1,0 +1,38 @@
+"""Sphinx configuration. `make docs` builds these pages with every warning an error."""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent / "_extensions"))
+sys.path.insert(0, str(Path(__file__).parent.parent))
+
+from turnbuckle import __version__  # noqa: E402  (the path comes first)
+
+project = "Turnbuckle"
+author = "The Turnbuckle authors"
+copyright = "The Turnbuckle authors, Apache License 2.0"
+version = release = __version__
+
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "definition_table"]
+source_suffix = {".md": "markdown"}
+exclude_patterns = ["_build", "_extensions"]
+nitpicky = False
+
+myst_enable_extensions = ["dollarmath", "deflist", "colon_fence"]
+myst_heading_anchors = 3
+
+default_role = "code"  # `name` in a docstring is code
+add_module_names = False
+autodoc_member_order = "bysource"
+autodoc_typehints = "signature"
+autodoc_preserve_defaults = True
+
+html_theme = "pydata_sphinx_theme"
+html_title = "Turnbuckle"
+html_show_sphinx = False
+html_theme_options = {
+    "navigation_with_keys": False,
+    "show_toc_level": 2,
+    "navbar_align": "left",
+    "header_links_before_dropdown": 6,
+}
