@@ -8,6 +8,8 @@ A point of a sliding domain may be nailed (the nail takes the push) but not held
 
 import numpy as np
 import warp as wp
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from turnbuckle.data.errors import ConflictError, InputError
 from turnbuckle.data.groups import Goal, Group
@@ -79,6 +81,7 @@ def activate(model: Model, state: State, group: Group) -> None:
     _hold(state, group, alive)
     if model.conflicts == "solve":
         find_joint_rows(state)
+    mark_external(state)
 
 
 def deactivate(model: Model, state: State, group: Group, which: np.ndarray | None = None) -> None:
@@ -95,6 +98,7 @@ def deactivate(model: Model, state: State, group: Group, which: np.ndarray | Non
     _release(state, group, mask)
     if model.conflicts == "solve":
         find_joint_rows(state)
+    mark_external(state)
 
 
 def switch(model: Model, state: State, name: str, on: bool) -> None:
@@ -262,6 +266,41 @@ def find_joint_rows(state: State) -> None:
         phase = np.where(phase == OFF, OFF, np.where(shared, JOINT, np.where(phase == JOINT, FULL, phase)))
         write(table.phase, g.rows, phase)
     state.layout += 1
+
+
+def mark_external(state: State) -> None:
+    """Spread ``external`` over points that constraints tie to nails: where rows share points, and under nailed slides.
+
+    Such rows pass the push of a nail on, so they are not internal: the momentum of their points may change.
+    """
+    acting = [g for g in state.groups.values() if g.acting]
+    linked = [g for g in acting if g.kind == "slide"]
+    joint: list[tuple[np.ndarray, np.ndarray]] = []  # (row, point) pairs, rows numbered over all groups
+    rows = 0
+    for g in acting:
+        table: Table = getattr(state.tables, g.kind)
+        shared = table.phase.numpy()[g.rows] == JOINT if rows or linked or len(g.rows) else np.zeros(0, dtype=bool)
+        if shared.any():
+            which = np.repeat(shared, np.diff(g.offsets))
+            joint.append((rows + np.repeat(np.arange(len(g.rows)), np.diff(g.offsets))[which], g.points[which]))
+            rows += len(g.rows)
+    for g in linked:
+        points = np.union1d(g.points, np.unique(state.tables.domains[g.domain].elements))
+        joint.append((np.full(len(points), rows), points))
+        rows += 1
+    if not joint:
+        return
+    row, point = (np.concatenate(parts) for parts in zip(*joint, strict=True))
+    n = len(state.owner)
+    graph = coo_array((np.ones(len(row)), (row, rows + point)), shape=(rows + n, rows + n))
+    _, label = connected_components(graph, directed=False)
+    held = state.external.numpy().copy()
+    for g in acting:
+        if g.kind in ("nail", "velocity"):
+            held[g.points[np.repeat(~g.broken, np.diff(g.offsets))]] = 1
+    reached = np.unique(label[rows + np.unique(point)][held[np.unique(point)] != 0])
+    spread = np.unique(point)[np.isin(label[rows + np.unique(point)], reached)]
+    write(state.external, spread, 1)
 
 
 def has_joint_rows(state: State) -> bool:

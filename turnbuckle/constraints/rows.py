@@ -73,7 +73,7 @@ def _collect(kind: str, state: State, h: float, only: int | None) -> tuple:
         entries = (np.nonzero(used)[0], points[used], weights[used])
         base = rate = np.zeros((len(r), 3))
         gap = np.einsum("nk,nkd->nd", np.where(used, weights, 0.0), x[points])
-        if isinstance(table, Slides):
+        if isinstance(table, Slides) and len(r):
             directions = table.directions.numpy()[r].reshape(-1, 3, 3)
     if kind != "velocity":
         base, rate = ramp_closing.adjust(table, r, base, rate, gap, h)

@@ -33,4 +33,6 @@ class _Registry(Mapping[str, "Callable[..., Scene]"]):
         return len(self._names)
 
 
-REGISTRY: Mapping[str, "Callable[..., Scene]"] = _Registry("curtain", "robot_on_ropes", "net_to_bridge", "self_assembly", "soft_mesh")
+REGISTRY: Mapping[str, "Callable[..., Scene]"] = _Registry(
+    "curtain", "robot_on_ropes", "net_to_bridge", "self_assembly", "soft_mesh"
+)

@@ -105,7 +105,12 @@ def _net_nails(first: np.ndarray) -> np.ndarray:
     last = (len(first) - 1) // 2 * 2
     inner = round(0.3 * last / 2) * 2
     return np.concatenate(
-        [first[0, 0] + LEFT_HIGH, first[inner, 0] + LEFT_HIGH, first[last - inner, 0] + RIGHT_HIGH, first[last, 0] + RIGHT_HIGH]
+        [
+            first[0, 0] + LEFT_HIGH,
+            first[inner, 0] + LEFT_HIGH,
+            first[last - inner, 0] + RIGHT_HIGH,
+            first[last, 0] + RIGHT_HIGH,
+        ]
     )
 
 

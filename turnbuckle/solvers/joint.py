@@ -18,6 +18,7 @@ class JointSolver:
     """Factors of one set of rows; valid as long as the same rows act with the same weights."""
 
     def __init__(self, rows: Rows, mass: np.ndarray) -> None:
+        self.directions = rows.directions
         self.spatial = rows.directions is not None  # rows over coordinates, not over points
         jacobian = rows.jacobian() if self.spatial else rows.weights
         used = np.unique(jacobian.indices)
@@ -27,7 +28,7 @@ class JointSolver:
         self.root = 1.0 / np.sqrt(m)
         half = self.j.multiply(self.root[None, :]).tocsr()
         norm = np.sqrt(np.asarray(half.multiply(half).sum(axis=1)).ravel())
-        self.row_scale = 1.0 / np.where(norm > 0.0, norm, 1.0)
+        self.row_scale = np.where(norm > 1e-9 * norm.max(initial=0.0), 1.0 / np.maximum(norm, 1e-300), 0.0)
         self.half = half.multiply(self.row_scale[:, None]).tocsr()
         self.dense = self.half.shape[0] <= DENSE
         if self.dense:
@@ -37,7 +38,9 @@ class JointSolver:
 
     def solve(self, gap: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """``(dx, mu)`` with ``J dx = gap``, gap (rows, 3): dx at `used` points, mu (rows, 3) with ``m dx = J^T mu``."""
-        g = gap.reshape(-1, 1) if self.spatial else gap
+        g = gap
+        if self.directions is not None:  # what a row does not hold, it does not ask for
+            g = np.einsum("nij,nj->ni", self.directions, gap).reshape(-1, 1)
         dx = np.zeros((len(self.used), g.shape[1]))
         mu = np.zeros_like(g)
         for _ in range(2):  # the second pass takes out the round-off of the first

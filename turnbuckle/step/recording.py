@@ -13,7 +13,7 @@ from turnbuckle.constraints import rows as constraint_rows
 from turnbuckle.constraints.activation import has_joint_rows
 from turnbuckle.constraints.points import attach, nail, points_to_point, slide, velocity
 from turnbuckle.data.model import Model
-from turnbuckle.data.state import Kinematics, State
+from turnbuckle.data.state import ADD, D_OVER_C, INVERSE_C, INVERSE_H, MEMORY, PROJECT, H, Kinematics, State
 from turnbuckle.data.tables import JOINT
 from turnbuckle.integrators import SCHEMES
 from turnbuckle.solvers.implicit import ImplicitSolver
@@ -116,7 +116,7 @@ class StepRecorder:
 
     def _add_fields(self, x: wp.array, v: wp.array, force_out: wp.array, time: float) -> None:
         positions, velocities, total = x.numpy(), v.numpy(), force_out.numpy()
-        t = self.state.time + time * self.params.numpy()[0]
+        t = self.state.time + time * self.params.numpy()[H]
         power = 0.0
         for f in self.model.fields:
             points = f.points
@@ -180,7 +180,8 @@ class StepRecorder:
 
     def land(self, on: Kinematics) -> None:
         """Record the one exact pass over all constraints: positions, then velocities."""
-        p, t, mass, now = self.program, self.state.tables, self.mass, self.now
+        p, t, mass = self.program, self.state.tables, self.mass
+        now = self.ahead if SCHEMES[self.model.integrator].lands_later else self.now  # where the interval landed on starts
         ramped = {g.kind for g in self.state.groups.values() if g.ramp_steps > 0}
         if t.nail.rows:
             moving = any(g.moving for g in self.state.groups.values() if g.kind == "nail")
@@ -206,38 +207,44 @@ class StepRecorder:
         if self.state.tables.slide.rows:
             slide.find(self.program, self.state.tables.slide, self.work.surfaces, x)
 
-    def _joint_solver(self) -> tuple[JointSolver, constraint_rows.Rows]:
-        rows = constraint_rows.collect(self.state, float(self.params.numpy()[0]), JOINT)
-        if self.work.joint is None or rows.directions is not None:
+    def _joint_solver(self, along: bool) -> tuple[JointSolver, constraint_rows.Rows]:
+        """The rows that share points, and their solver; ``along``: slides hold their held directions only."""
+        rows = constraint_rows.collect(self.state, float(self.params.numpy()[H]), JOINT)
+        slides = rows.directions is not None
+        if not along:
+            rows.directions = None
+        if self.work.joint is None or slides:
             self.work.joint = JointSolver(rows, self.model.mass)
         return self.work.joint, rows
 
     def _joint_project(self, y: wp.array, rates: bool) -> None:
-        solver, rows = self._joint_solver()
+        solver, rows = self._joint_solver(along=True)
         values = y.numpy()
         wanted = rows.rate if rates else np.zeros_like(rows.rate)
-        dy, _ = solver.solve(wanted - rows.weights @ values)
-        solver.spread(values, dy)
+        solver.spread(values, solver.solve(wanted - rows.weights @ values)[0])
         y.assign(values)
 
     def _joint_land(self, on: Kinematics) -> None:
-        solver, rows = self._joint_solver()
+        solver, rows = self._joint_solver(along=False)
         params = self.params.numpy()
-        x, v, w = on.x.numpy(), on.v.numpy(), on.memory.numpy()
+        x = on.x.numpy()
         dx, mu = solver.solve(rows.target - rows.weights @ x)
         solver.spread(x, dx)
-        if params[7] != 0.0:
-            solver.spread(v, solver.solve(rows.rate - rows.weights @ v)[0])
-            if params[8] != 0.0:
-                solver.spread(w, solver.solve(rows.rate - rows.weights @ w)[0])
-        else:
-            solver.spread(v, dx, params[6])
-            if params[8] != 0.0:
-                solver.spread(w, dx, 1.0 / params[0])
         on.x.assign(x)
-        on.v.assign(v)
-        on.memory.assign(w)
-        write_row_forces(self.state, rows, mu * params[5], add=params[9] != 0.0)
+        write_row_forces(self.state, rows, mu * params[INVERSE_C], add=params[ADD] != 0.0)
+        velocities = [on.v, on.memory] if params[MEMORY] != 0.0 else [on.v]
+        if params[PROJECT] == 0.0:
+            for velocity, factor in zip(velocities, (params[D_OVER_C], params[INVERSE_H]), strict=False):
+                values = velocity.numpy()
+                solver.spread(values, dx, factor)
+                velocity.assign(values)
+            return
+        if self.work.surfaces is not None:  # the domains have moved
+            table = self.state.tables.slide
+            inputs = [0, *slide.moved_domain(table, self.work.surfaces, on.x)]
+            wp.launch(slide.refresh_directions, len(table.phase), inputs=inputs, device=self.model.device)
+        for velocity in velocities:
+            self._joint_project(velocity, rates=True)
 
     # Implicit schemes ----------------------------------------------------------------------------------------------
 
@@ -256,7 +263,7 @@ class StepRecorder:
         self.program.host(lambda: self._solve(alpha, beta, push, at, free[0], force, a_out))
 
     def _solve(self, alpha, beta, push, at, free, force, a_out) -> None:  # noqa: ANN001
-        h = float(self.params.numpy()[0])
+        h = float(self.params.numpy()[H])
         rows = None if self.paper else constraint_rows.collect(self.state, h)
         assert self.work.implicit is not None
         where = (at[0].numpy(), at[1].numpy())

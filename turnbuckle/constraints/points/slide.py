@@ -312,43 +312,70 @@ def land_slides(
     closing_out[c] = closing
 
 
+@wp.func
+def moved_directions(
+    c: int,
+    e: int,
+    count: int,
+    weights: wp.array2d(dtype=real),
+    elements: wp.array2d(dtype=wp.int32),
+    rim: wp.array(dtype=wp.int32),
+    x: wp.array(dtype=vec3),
+    before: wp.mat33d,
+):
+    """Held directions on the domain where it is *now*, since landing has moved it.
+
+    Inside a face, on a line or a rim they are those of the moved element. On an inner edge or corner they stay those of
+    the gap that was closed: the point has no gap any more.
+    """
+    bary = vec3(-weights[c, 1], -weights[c, 2], real(0.0))
+    inside = True
+    if count == 4:
+        bary = vec3(-weights[c, 1], -weights[c, 2], -weights[c, 3])
+        inside = bary[0] > real(0.0) and bary[1] > real(0.0) and bary[2] > real(0.0)
+    here = element_place(e, bary, elements, x)
+    fresh = held_directions(here, e, bary, elements, rim, x)
+    if inside or wp.trace(fresh) > real(1.5):  # a face, a line, or really on the rim
+        return fresh
+    return before
+
+
 @wp.kernel
-def guide_slides(
+def refresh_directions(
     begin: int,
     phase: wp.array(dtype=wp.int32),
     element: wp.array(dtype=wp.int32),
     elements: wp.array2d(dtype=wp.int32),
     rim: wp.array(dtype=wp.int32),
     count: wp.array(dtype=wp.int32),
+    weights: wp.array2d(dtype=real),
+    x: wp.array(dtype=vec3),
+    directions: wp.array(dtype=wp.mat33d),
+):
+    """Take the held directions of all acting rows from positions ``x``."""
+    c = begin + wp.tid()
+    if phase[c] != -1:
+        directions[c] = moved_directions(c, element[c], count[c], weights, elements, rim, x, directions[c])
+
+
+@wp.kernel
+def guide_slides(
+    begin: int,
+    phase: wp.array(dtype=wp.int32),
+    count: wp.array(dtype=wp.int32),
     points: wp.array2d(dtype=wp.int32),
     weights: wp.array2d(dtype=real),
+    directions: wp.array(dtype=wp.mat33d),
     nailed: wp.array(dtype=wp.int32),
     mass: wp.array(dtype=real),
     closing: wp.array(dtype=vec3),
-    x: wp.array(dtype=vec3),
-    directions: wp.array(dtype=wp.mat33d),
     y: wp.array(dtype=vec3),
 ):
-    """Put the velocities ``y`` (v, or Verlet's w) along the domain where it is *now*: landing has moved it.
-
-    Inside a face, on a line or a rim the held directions are those of the moved element. On an inner edge or corner they
-    stay those of the gap that was closed, since the point has no gap any more.
-    """
+    """Put the velocities ``y`` (v, or Verlet's w) along the domain, or at the rate at which a ramp closes."""
     c = begin + wp.tid()
     if phase[c] < 0 or wp.isnan(closing[c][0]):
         return
-    e = element[c]
     k_end = count[c]
-    bary = vec3(-weights[c, 1], -weights[c, 2], real(0.0))
-    inside = True
-    if k_end == 4:
-        bary = vec3(-weights[c, 1], -weights[c, 2], -weights[c, 3])
-        inside = bary[0] > real(0.0) and bary[1] > real(0.0) and bary[2] > real(0.0)
-    if inside or rim[e] != 0:
-        here = element_place(e, bary, elements, x)
-        fresh = held_directions(here, e, bary, elements, rim, x)
-        if inside or wp.trace(fresh) > real(1.5):  # a face, a line, or really on the rim
-            directions[c] = fresh
     flexibility = slide_inverse_mass(c, k_end, points, weights, mass, nailed)
     push = directions[c] * ((closing[c] - slide_sum(c, k_end, points, weights, y)) / flexibility)
     for k in range(k_end):
@@ -420,6 +447,12 @@ def find(program: Program, table: Slides, surfaces: Surfaces, x: wp.array) -> No
     program.barrier()
 
 
+def moved_domain(table: Slides, surfaces: Surfaces, x: wp.array) -> list:
+    """The inputs of `refresh_directions`."""
+    domain = [table.element, surfaces.elements, surfaces.rim]
+    return [table.phase, *domain, table.count, table.weights, x, table.directions]
+
+
 def land(
     program: Program,
     table: Slides,
@@ -440,10 +473,11 @@ def land(
     moved = [ahead.x, ahead.v, ahead.memory, table.force, closing]
     program.launch(land_slides, n, [*given, table.phase, ramp.step, *moved])
     program.barrier()
-    domain = [table.element, surfaces.elements, surfaces.rim]
+    program.launch(refresh_directions, n, moved_domain(table, surfaces, ahead.x))
+    program.barrier()
     for velocity in (ahead.v, ahead.memory) if memory else (ahead.v,):
-        given = [table.phase, *domain, *places, nailed, mass, closing, ahead.x]
-        program.launch(guide_slides, n, [*given, table.directions, velocity])
+        given = [table.phase, *places, table.directions, nailed, mass, closing]
+        program.launch(guide_slides, n, [*given, velocity])
         program.barrier()
     program.launch(pass_to_nails, 1, [n, table.phase, *places, nailed, table.force, nail_force])
 
