@@ -3,7 +3,7 @@
 import re
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Any, Protocol
@@ -117,11 +117,7 @@ class Outputs:
         if not self._recorders or self._written == at:
             return
         x, v = state.positions(), state.velocities()
-        try:
-            for recorder in self._recorders:
-                recorder.write(at, x, v)
-        except (OSError, InputError) as error:
-            raise RecordingError(f"{error}; the run has ended at t = {at:.6g} s") from error
+        self._all(lambda recorder: recorder.write(at, x, v), f"the run has ended at t = {at:.6g} s")
         self._written = at
         if time.perf_counter() - self._flushed > self._rest:
             self.flush()
@@ -129,13 +125,20 @@ class Outputs:
     def flush(self) -> None:
         """Put all frames where a kill cannot reach them. Raises `RecordingError`."""
         began = time.perf_counter()
-        try:
-            for recorder in self._recorders:
-                recorder.flush()
-        except (OSError, InputError) as error:
-            raise RecordingError(f"{error}; the run has ended") from error
+        self._all(lambda recorder: recorder.flush(), "the run has ended")
         self._flushed = time.perf_counter()
         self._rest = max(FLUSH, (self._flushed - began) / FLUSH_PART)
+
+    def _all(self, action: Callable[[_Recorder], None], end: str) -> None:
+        """Do something with every recorder, also when one fails. Raises `RecordingError` for the first that does."""
+        failed: Exception | None = None
+        for recorder in self._recorders:
+            try:
+                action(recorder)
+            except (OSError, InputError) as error:
+                failed = failed or error
+        if failed is not None:
+            raise RecordingError(f"{failed}; {end}") from failed
 
     def close(self) -> list[str]:
         """Finish every file, also when another cannot be; what went wrong, a sentence each."""

@@ -276,8 +276,8 @@ class SlideOnDef(Definition):
     body: Name = Field(description="Name of the body [text].")
     lines: Lines | None = Field(default=None, description="Connected lines, shape (m, 2) [indices].")
     triangles: Triangles | None = Field(default=None, description="A triangulated surface, shape (m, 3) [indices].")
-    line: Line | None = Field(default=None, description="One endless line, shape (2,) [indices].")
-    triangle: Triangle | None = Field(default=None, description="The endless plane of one triangle, (3,) [indices].")
+    line: Line | None = Field(default=None, description="One line, from end to end, shape (2,) [indices].")
+    triangle: Triangle | None = Field(default=None, description="One triangle, up to its rim, shape (3,) [indices].")
     surface: Flag = Field(default=False, description="The boundary of a solid, the triangles of a sheet [true].")
     rope: Flag = Field(default=False, description="The lines of a rope [true].")
     where: Where | None = Field(

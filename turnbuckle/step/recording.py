@@ -11,7 +11,7 @@ from turnbuckle.bodies.tetrahedra import tetrahedra_forces
 from turnbuckle.compute import Program
 from turnbuckle.constraints import rows as constraint_rows
 from turnbuckle.constraints.activation import has_joint_rows
-from turnbuckle.constraints.points import attach, nail, points_to_point, slide, velocity
+from turnbuckle.constraints.points import attach, nail, points_to_point, slide, slide_search, velocity
 from turnbuckle.data.model import Model
 from turnbuckle.data.state import ADD, D_OVER_C, INVERSE_C, INVERSE_H, MEMORY, PROJECT, H, Kinematics, State
 from turnbuckle.data.tables import JOINT
@@ -35,7 +35,7 @@ class Scratch:
         self.block_power = wp.zeros_like(self.block_energy)
         self.field_power = 0.0  # of force fields at the state last evaluated [W]
         self.implicit = ImplicitSolver(model) if model.integrator in ("implicit_euler", "newmark") else None
-        self.surfaces: slide.Surfaces | None = None
+        self.surfaces: slide_search.Surfaces | None = None
         self.joint: JointSolver | None = None
         self.row_forces: Callable[[], None] | None = None
 
@@ -44,7 +44,7 @@ class Scratch:
         self.joint = None
         domains = state.tables.domains
         if domains and (self.surfaces is None or self.surfaces.domains != len(domains)):
-            self.surfaces = slide.upload(domains, state.now.x, model.device)
+            self.surfaces = slide_search.upload(domains, state.now.x, model.device)
 
     def unused(self, like: wp.array) -> wp.array:
         """An array of the shape of ``like`` for results that nobody reads."""
@@ -194,7 +194,7 @@ class StepRecorder:
             velocity.land(p, t.velocity, mass, self.params, now, on)
         p.barrier()
         if t.slide.rows:
-            slide.find(p, t.slide, self.work.surfaces, on.x)
+            slide_search.find(p, t.slide, self.work.surfaces, on.x)
             closing = self.scratch_rows("closing", t.slide.force)
             held = (self.state.nailed, t.nail.force, closing)
             slide.land(p, t.slide, self.work.surfaces, *held, mass, self.params, now, on, self.remembers_velocity)
@@ -205,7 +205,7 @@ class StepRecorder:
     def find_places(self, x: wp.array) -> None:
         """Record the search for where sliding points are, at positions ``x``."""
         if self.state.tables.slide.rows:
-            slide.find(self.program, self.state.tables.slide, self.work.surfaces, x)
+            slide_search.find(self.program, self.state.tables.slide, self.work.surfaces, x)
 
     def _joint_solver(self, along: bool) -> tuple[JointSolver, constraint_rows.Rows]:
         """The rows that share points, and their solver; ``along``: slides hold their held directions only."""
