@@ -18,7 +18,9 @@ def main() -> None:
     for _ in range(3):
         report = simulation.run(0.1)
         place, force = simulation.positions("bead")[0], simulation.forces("bead")[0]
-        print(f"t = {simulation.time:.1f} s: the bead is at {np.round(place, 3)}, the cloth pushes it with {force[2]:.2f} N")
+        print(
+            f"t = {simulation.time:.1f} s: the bead is at {np.round(place, 3)}, the cloth pushes it with {force[2]:.2f} N"
+        )
     print("off the cloth by", report.position_residual["slide"], "m")
 
 

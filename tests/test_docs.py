@@ -20,7 +20,9 @@ SHORT = "0.02"  # seconds, where a command of a page gives no duration
 BLOCK = re.compile(r"^```(python|yaml|bash)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 NAMED = re.compile(r"# (\S+\.yaml)\n")
 # What a message has of a user's scene: names in quotes, numbers, kinds and schemes; and what a page leaves out.
-SPLIT = re.compile(r"'[^']*'|\.\.\.|;|, did you mean|knot\[0\]|[-+\d.]*\d|[\[\]{}]|e\^|\b(?:nail|cube|verlet|explicit_euler)\b")
+SPLIT = re.compile(
+    r"'[^']*'|\.\.\.|;|, did you mean|knot\[0\]|[-+\d.]*\d|[\[\]{}]|e\^|\b(?:nail|cube|verlet|explicit_euler)\b"
+)
 EXIT = re.compile(r"# exit code (\d+)$")
 
 

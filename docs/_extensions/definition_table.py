@@ -93,7 +93,12 @@ class DefinitionTable(Directive):
         kind = getattr(definitions, self.arguments[0])
         shared = set(getattr(definitions, self.options["own"]).model_fields) if "own" in self.options else set()
         rows = [
-            (f"`{name}`", type_text(field.annotation, tuple(field.metadata)), default_text(field), field.description or "")
+            (
+                f"`{name}`",
+                type_text(field.annotation, tuple(field.metadata)),
+                default_text(field),
+                field.description or "",
+            )
             for name, field in kind.model_fields.items()
             if name not in shared
         ]
