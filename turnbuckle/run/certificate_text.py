@@ -46,7 +46,8 @@ def _rows(report: RunReport) -> Iterator[tuple[str, str]]:
     if report.energies:
         yield "energy", ", ".join(f"{name} {_number(value)} J" for name, value in report.energies.items())
     yield "degraded", f"{report.degraded_steps} of {report.steps} steps" if report.degraded_steps else "no step"
-    yield from (("", text) for text in _first(report.messages))
+    for number, text in enumerate(_first(report.messages)):
+        yield "" if number else "notes", text
     for failure in report.failures[:SHOWN]:
         yield "failed", f"at {_number(failure['time'])} s: {failure['what']}"
         if failure.get("advice"):

@@ -134,7 +134,8 @@ class Outputs:
         failed: Exception | None = None
         for recorder in self._recorders:
             try:
-                action(recorder)
+                with np.errstate(over="ignore", invalid="ignore"):  # a scene that flies apart leaves float32 first
+                    action(recorder)
             except (OSError, InputError) as error:
                 failed = failed or error
         if failed is not None:
@@ -145,7 +146,8 @@ class Outputs:
         problems = []
         for recorder in self._recorders:
             try:
-                recorder.close()
+                with np.errstate(over="ignore", invalid="ignore"):
+                    recorder.close()
             except (OSError, InputError) as error:
                 problems.append(str(error))
         self._recorders = []
