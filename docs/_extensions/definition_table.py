@@ -24,6 +24,8 @@ from turnbuckle.scene.base_definition import Definition
 from turnbuckle.scene.fields import ArraySpec
 
 WORDS = {float: "number", int: "whole number", bool: "true or false", str: "text", type(None): ""}
+HUGE = 1e6  # bounds above only guard against typing errors and are not shown
+HEAD = ("Field", "Type", "Default", "Meaning")
 WIDTHS = (20, 26, 14, 60)
 
 
@@ -31,7 +33,8 @@ def type_text(annotation: Any, metadata: tuple[Any, ...] = ()) -> str:
     """The type of a field in words."""
     for item in metadata:
         if isinstance(item, ArraySpec):
-            return f"{'indices' if item.dtype == np.int32 else 'numbers'} {item.shape_text()}{_bounds(item)}"
+            whole = "indices" if item.low is None else "whole numbers"
+            return f"{whole if item.dtype == np.int32 else 'numbers'} {item.shape_text()}{_bounds(item)}"
     origin = get_origin(annotation)
     if origin is Annotated:
         inner, *more = get_args(annotation)
@@ -65,7 +68,7 @@ def _bounds(item: Any) -> str:
         found = {key: getattr(m, key) for m in item for key in ("gt", "ge", "lt", "le") if hasattr(m, key)}
         signs = {"gt": ">", "ge": "≥", "lt": "<", "le": "≤"}
         pairs = tuple((signs[key], value) for key, value in found.items())
-    texts = [f"{sign} {value:g}" for sign, value in pairs if value is not None]
+    texts = [f"{sign} {value:g}" for sign, value in pairs if value is not None and value <= HUGE]
     return f", {', '.join(texts)}" if texts else ""
 
 
@@ -92,17 +95,15 @@ class DefinitionTable(Directive):
     def run(self) -> list[nodes.Node]:
         kind = getattr(definitions, self.arguments[0])
         shared = set(getattr(definitions, self.options["own"]).model_fields) if "own" in self.options else set()
-        rows = [
-            (
-                f"`{name}`",
-                type_text(field.annotation, tuple(field.metadata)),
-                default_text(field),
-                field.description or "",
-            )
-            for name, field in kind.model_fields.items()
-            if name not in shared
-        ]
-        return [_table(("Field", "Type", "Default", "Meaning"), rows)]
+        fields = [(name, field) for name, field in kind.model_fields.items() if name not in shared]
+        return [_table(HEAD, [_cells(name, field) for name, field in fields])]
+
+
+def _cells(name: str, field: FieldInfo) -> tuple[str, ...]:
+    kind = type_text(field.annotation, tuple(field.metadata))
+    if name == "type":  # a file has to say it, Python knows it by the name of the method
+        return f"`{name}`", kind, "required", "What it is [text]."
+    return f"`{name}`", kind, default_text(field), field.description or ""
 
 
 def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> nodes.table:
