@@ -143,6 +143,10 @@ def test_retarget_and_remove():
     assert sim.step().status == "ok"
     np.testing.assert_allclose(sim.positions("r0")[0, 2], 0.003 + 0.1 * (start + 1e-3), atol=1e-15)
     np.testing.assert_allclose(sim.velocities("r0")[0], [0, 0, 0.1], atol=1e-9)
+    now = sim.time
+    sim.retarget("n", {"times": [now, now + 0.01], "positions": [[0, 0, 0.005], [0, 0, 0.006]]})
+    sim.run(0.005)
+    np.testing.assert_allclose(sim.positions("r0")[0, 2], 0.0055, atol=1e-12)
     sim.remove_constraint("n")
     assert sim.step().active == {}
     sim.add_constraint("nail", "n", points=at("r0", 0))  # the name is free again

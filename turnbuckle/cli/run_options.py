@@ -6,7 +6,7 @@ from pathlib import Path
 
 from turnbuckle.data.errors import InputError
 
-SUFFIXES = (".npz", ".vtkhdf", ".usdc", ".png", ".mp4")
+SUFFIXES = (".npz", ".vtkhdf", ".usdc", ".usda", ".usd", ".png", ".gif", ".mp4")  # of io and viewer, not loaded here
 
 
 def check_options(
@@ -25,8 +25,8 @@ def check_options(
         raise InputError(f"--duration {duration}: expected a number of at least 0 [s]")
     if every is not None and every < 1:
         raise InputError(f"--every {every}: expected at least 1 step")
-    if (every is None) != (checkpoint is None):
-        raise InputError("--checkpoint FILE and --every N go together")
+    if every is not None and checkpoint is None:
+        raise InputError("--every N goes with --checkpoint FILE")
     for path in out:
         if path.suffix.lower() not in SUFFIXES:
             raise InputError(f"--out {path}: expected a file that ends in {', '.join(SUFFIXES)}")

@@ -1,16 +1,18 @@
 """`Simulation`: a scene that runs, step by step, and may be changed between two steps."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from turnbuckle.constraints.activation import find_group, remove, retarget, switch
-from turnbuckle.data.errors import StepError
+from turnbuckle.data.errors import InputError, StepError
 from turnbuckle.data.model import Model
 from turnbuckle.data.report import StepReport
 from turnbuckle.data.state import State
 from turnbuckle.data.tables import Joins
 from turnbuckle.scene.build_constraints import add_constraint, goal_of
+from turnbuckle.scene.definitions import KeyframesDef
 from turnbuckle.scene.scene import CONSTRAINTS, Scene
 from turnbuckle.scene.validation import validate
 from turnbuckle.step.step import Stepper
@@ -85,11 +87,15 @@ class Simulation:
     def retarget(self, constraint: str, goal: Any) -> None:
         """Give a nail or velocity goal another goal, written as in `Scene.add_constraint`. A ramp starts anew."""
         group = find_group(self.state, constraint)
+        if isinstance(goal, Mapping):
+            goal = validate(KeyframesDef, goal, f"goal of '{constraint}'", {"folder": self.scene.folder})
         new = goal_of(goal, group, self.state)
         retarget(self.state, constraint, new, new.moves)
 
     def add_constraint(self, type: str, name: str, **fields: Any) -> None:
         """Add a constraint, written as in `Scene.add_constraint`; places mean where points are now."""
+        if type not in CONSTRAINTS:
+            raise InputError(f"constraint '{name}': unknown type '{type}'; known are {', '.join(CONSTRAINTS)}")
         item = validate(CONSTRAINTS[type], {"name": name, **fields}, f"{type} '{name}'", {"folder": self.scene.folder})
         add_constraint(self.model, self.state, item)
 

@@ -41,7 +41,7 @@ class Stepper:
         self.scheme = SCHEMES[model.integrator]()
         self._ahead = Kinematics.zeros(model.points, model.device)
         self._layout = -1
-        self._ramping = True  # some constraint was in gradual activation in the last step; unknown after a restart
+        self._ramping = 0  # constraints in gradual activation after the last step
         self.scratch = Scratch(model)
 
     def step(self, dt: float) -> StepReport:
@@ -154,7 +154,7 @@ class Stepper:
         state.dt = dt
         state.stale = False
         state.activated = False
-        self._ramping = report.ramping > 0
+        self._ramping = report.ramping
         report.energies["work"], report.energies["dissipation"] = state.work, state.dissipation
         state.energies = report.energies
         report.broken = break_rows(self.model, state)
@@ -191,7 +191,7 @@ class Stepper:
             if group.acting:
                 report.active[group.kind] = report.active.get(group.kind, 0) + int((~group.broken).sum())
         report.ramping = int(sum((t.phase.numpy() > 0).sum() for t in self._ramped()))
-        settling = scheme.lands_later and (state.activated or self._ramping)
+        settling = scheme.lands_later and (state.activated or report.ramping < self._ramping)
         allowed = TOLERANCE * self.model.size + ROUND_OFF * farthest
         allowed_rate = TOLERANCE * max(self.model.size, fastest) + ROUND_OFF * (farthest / dt if scheme.lands_later else 0.0)
         for kind in report.active:
