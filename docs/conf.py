@@ -26,6 +26,7 @@ add_module_names = False
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autodoc_preserve_defaults = True
+autodoc_class_signature = "separated"  # data classes are shown as tables of their fields
 
 html_theme = "pydata_sphinx_theme"
 html_title = "Turnbuckle"

@@ -1,14 +1,24 @@
-"""The directive ``definition-table``: the fields of a definition as a table, made from the definition itself.
+"""Directives that make tables from the source, so that pages cannot go stale.
+
+``definition-table``: the fields of a definition as a table, made from the definition itself.
 
     ```{definition-table} NailDef
     ```
 
 lists the name, the type, the default and the description of each field of `turnbuckle.scene.definitions.NailDef`.
 Fields that it shares with its base are left out under the option ``own``, which names that base.
+
+``comment-table``: the fields of a data class with the comments beside them.
+
+    ```{comment-table} turnbuckle.data.report.StepReport
+    ```
 """
 
 from __future__ import annotations
 
+import importlib
+import inspect
+import re
 import types
 from typing import Annotated, Any, ClassVar, Literal, Union, get_args, get_origin
 
@@ -25,6 +35,7 @@ from turnbuckle.scene.fields import ArraySpec
 
 WORDS = {float: "number", int: "whole number", bool: "true or false", str: "text", type(None): ""}
 HUGE = 1e6  # bounds above only guard against typing errors and are not shown
+COMMENTED = re.compile(r"^    (\w+): ([^=#\n]+?)(?: = [^#\n]*?)?(?:  # (.+))?$", re.MULTILINE)
 HEAD = ("Field", "Type", "Default", "Meaning")
 WIDTHS = (20, 26, 14, 60)
 
@@ -108,7 +119,7 @@ def _cells(name: str, field: FieldInfo) -> tuple[str, ...]:
 
 def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> nodes.table:
     group = nodes.tgroup(cols=len(head))
-    group += [nodes.colspec(colwidth=width) for width in WIDTHS]
+    group += [nodes.colspec(colwidth=width) for width in WIDTHS[-len(head) :]]
     top, body = nodes.thead(), nodes.tbody()
     top += _row(head)
     body += [_row(row) for row in rows]
@@ -131,7 +142,22 @@ def _row(cells: tuple[str, ...]) -> nodes.row:
     return row
 
 
+class CommentTable(Directive):
+    """See the head of this file."""
+
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        module, _, name = self.arguments[0].rpartition(".")
+        source = inspect.getsource(getattr(importlib.import_module(module), name))
+        rows = [(f"`{field}`", f"`{kind}`", comment.strip()) for field, kind, comment in COMMENTED.findall(source)]
+        if not rows:
+            raise self.error(f"{self.arguments[0]} has no commented fields")
+        return [_table(("Field", "Type", "Meaning"), rows)]
+
+
 def setup(app: Sphinx) -> dict[str, Any]:
     """Called by Sphinx."""
     app.add_directive("definition-table", DefinitionTable)
+    app.add_directive("comment-table", CommentTable)
     return {"parallel_read_safe": True}
