@@ -22,7 +22,7 @@ def net_to_bridge(
     stiffness: float = 200.0,
     density: float = 200.0,
     air: float = 1.0,
-    dt: float = 2.5e-4,
+    dt: float = 2e-4,
     duration: float = 4.0,
 ) -> Scene:
     """A net hangs from four nails; at `change_at` its joints end and others draw the cubes into a bridge (Figure 4).

@@ -26,7 +26,7 @@ def soft_mesh(
     thickness: float = 0.08,
     scale: float = 1.0,
     up_axis: Literal["Y", "Z"] = "Z",
-    firmness: float = 25.0,
+    firmness: float = 100.0,
     density: float = 1000.0,
     edge_length: float | None = None,
 ) -> Scene:

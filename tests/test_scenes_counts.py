@@ -1,0 +1,100 @@
+"""The ready scenes at full size: what the paper counts, and nothing to warn of. Built, not run."""
+
+import inspect
+import re
+
+import numpy as np
+import pytest
+
+from turnbuckle.scene.check import inspect_scene
+from turnbuckle.scene.scene import Scene
+from turnbuckle.scenes import REGISTRY
+
+
+def count(scene: Scene, when: float = 0.0) -> dict[str, int]:
+    """Tetrahedra, and rows of constraints by kind that act at the time `when` [s]."""
+    model, state = scene.build()
+    counted = {"tetrahedra": len(model.tetrahedra.corners)}
+    for group in state.groups.values():
+        if group.start <= when < group.end:
+            counted[group.kind] = counted.get(group.kind, 0) + len(group.rows)
+    return counted
+
+
+@pytest.mark.parametrize(
+    ("m", "tetrahedra", "nails", "pairs"),
+    [(40, 3950, 160, 2964), (150, 14950, 600, 11324), (500, 49950, 2000, 37924)],
+)
+def test_curtain(m: int, tetrahedra: int, nails: int, pairs: int) -> None:
+    wanted = {"tetrahedra": tetrahedra, "nail": nails, "points_to_point": pairs}
+    assert count(REGISTRY["curtain"](m=m)) == wanted
+
+
+def test_robot_on_ropes() -> None:
+    counted = count(REGISTRY["robot_on_ropes"]())
+    nails = counted.pop("nail")
+    assert counted == {"tetrahedra": 1339, "points_to_point": 14, "slide": 2}
+    assert nails == 2 * 2 * 7  # both ends of both ropes
+
+
+def test_net_to_bridge() -> None:
+    scene = REGISTRY["net_to_bridge"](change_at=1.0)
+    net, bridge = count(scene, 0.5), count(scene, 1.5)
+    assert net.pop("tetrahedra") == bridge.pop("tetrahedra") == 2760
+    assert sum(net.values()) == 1584
+    assert sum(bridge.values()) == 1320
+
+
+def test_self_assembly() -> None:
+    assert count(REGISTRY["self_assembly"](start=0.0)) == {"tetrahedra": 480, "points_to_point": 148}
+
+
+@pytest.mark.parametrize("name", list(REGISTRY))
+def test_nothing_to_warn_of(name: str) -> None:
+    assert inspect_scene(REGISTRY[name]()).warnings == []
+
+
+@pytest.mark.parametrize("name", list(REGISTRY))
+def test_documented_and_typed(name: str) -> None:
+    make = REGISTRY[name]
+    text = inspect.getdoc(make) or ""
+    assert text.partition("\n")[0].endswith(".")
+    for parameter in inspect.signature(make).parameters.values():
+        assert parameter.annotation is not parameter.empty and parameter.default is not parameter.empty
+    if name != "soft_mesh":
+        assert re.search(r"paper", text, re.IGNORECASE)
+
+
+@pytest.mark.parametrize("name", list(REGISTRY))
+def test_survives_its_file(name: str, tmp_path) -> None:
+    small = {"curtain": {"m": 3, "rows": 2}, "net_to_bridge": {"columns": 5, "lanes": 3}, "self_assembly": {"divisions": 1}}
+    scene = REGISTRY[name](**small.get(name, {}))
+    scene.save(tmp_path / "scene.yaml")
+    again = Scene.load(tmp_path / "scene.yaml")
+    assert again.definition == scene.definition
+    assert np.array_equal(again.build()[0].mass, scene.build()[0].mass)
+
+
+@pytest.mark.parametrize(
+    ("name", "wrong"),
+    [
+        ("curtain", {"m": 1}),
+        ("curtain", {"edge": -0.1}),
+        ("robot_on_ropes", {"drop": 9.0}),
+        ("robot_on_ropes", {"mesh": "missing.obj"}),
+        ("net_to_bridge", {"columns": 2}),
+        ("net_to_bridge", {"change_at": 0.0}),
+        ("self_assembly", {"divisions": 0}),
+        ("self_assembly", {"thickness": 0.6}),
+        ("soft_mesh", {"mesh": "missing.obj"}),
+        ("soft_mesh", {"scale": 0.0}),
+    ],
+)
+def test_wrong_parameters_are_named(name: str, wrong: dict) -> None:
+    from turnbuckle.data.errors import InputError
+
+    with pytest.raises(InputError) as caught:
+        REGISTRY[name](**wrong)
+    key, value = next(iter(wrong.items()))
+    assert key in str(caught.value) or str(value) in str(caught.value)
+    assert "\n" not in str(caught.value)
