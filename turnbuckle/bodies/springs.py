@@ -6,6 +6,7 @@
 
 import warp as wp
 
+from turnbuckle.math.index import known
 from turnbuckle.math.types import real, vec3
 
 wp.set_module_options({"enable_backward": False})
@@ -27,7 +28,7 @@ def spring_forces(
     power_out: wp.array(dtype=real),
 ):
     """Force on the second point of each spring [N], its energy [J], and the power lost to its damping [W]."""
-    s = begin + wp.tid()
+    s = known(begin + wp.tid())
     pair = pairs[s]
     d = x[pair[1]] - x[pair[0]]
     w = v[pair[1]] - v[pair[0]]

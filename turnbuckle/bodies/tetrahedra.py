@@ -18,6 +18,7 @@ from functools import cache
 import warp as wp
 
 from turnbuckle.math.lanes import algebra
+from turnbuckle.math.index import known
 from turnbuckle.math.types import real, vec3
 
 EDGES = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
@@ -89,7 +90,7 @@ def tetrahedra_forces(width: int) -> wp.Kernel:
         ``corners[4 b + k, lane]``; ``materials[m] = k_distance, k_area, k_volume, and their k_d``; corner k of block b
         goes to ``force_out[first + (4 b + k) width + lane]``.
         """
-        e = begin + wp.tid()
+        e = known(begin + wp.tid())
         m = material[e]
         k_distance = materials[m, 0]
         k_area = materials[m, 1]

@@ -10,6 +10,7 @@ from typing import ClassVar, Protocol
 import warp as wp
 
 from turnbuckle.data.state import Kinematics
+from turnbuckle.math.index import known
 from turnbuckle.math.types import real, vec3
 
 wp.set_module_options({"enable_backward": False})
@@ -94,7 +95,7 @@ class Scheme(ABC):
 @wp.kernel
 def accelerate(begin: int, mass: wp.array(dtype=real), force: wp.array(dtype=vec3), a_out: wp.array(dtype=vec3)):
     """``a = F / m``."""
-    i = begin + wp.tid()
+    i = known(begin + wp.tid())
     a_out[i] = force[i] / mass[i]
 
 
@@ -108,14 +109,14 @@ def step_along(
     y_out: wp.array(dtype=vec3),
 ):
     """``y_out = y + factor h rate``."""
-    i = begin + wp.tid()
+    i = known(begin + wp.tid())
     y_out[i] = y[i] + rate[i] * (factor * params[0])
 
 
 @wp.kernel
 def copy(begin: int, y: wp.array(dtype=vec3), y_out: wp.array(dtype=vec3)):
     """``y_out = y``."""
-    i = begin + wp.tid()
+    i = known(begin + wp.tid())
     y_out[i] = y[i]
 
 

@@ -9,6 +9,7 @@ import warp as wp
 
 from turnbuckle.data.state import PREVIOUS_H, H
 from turnbuckle.integrators.scheme import Recorder, Scheme, accelerations, advance
+from turnbuckle.math.index import known
 from turnbuckle.math.types import real, vec3
 
 wp.set_module_options({"enable_backward": False})
@@ -27,7 +28,7 @@ def predict(
     w_out: wp.array(dtype=vec3),
 ):
     """One step of the scheme: (2) and (3)."""
-    i = begin + wp.tid()
+    i = known(begin + wp.tid())
     h = params[H]
     w_old = w[i]
     kick = force[i] * (h / mass[i])
@@ -42,7 +43,7 @@ def carry_over(
     begin: int, a: wp.array(dtype=vec3), params: wp.array(dtype=real), w: wp.array(dtype=vec3)
 ):
     """``w`` for the step H from the one for the step before: ``w + (h_before - h) / 2 a``."""
-    i = begin + wp.tid()
+    i = known(begin + wp.tid())
     w[i] = w[i] + a[i] * (real(0.5) * (params[PREVIOUS_H] - params[H]))
 
 

@@ -10,6 +10,7 @@ from types import SimpleNamespace
 
 import warp as wp
 
+from turnbuckle.math.index import known
 from turnbuckle.math.types import real, vec3
 
 CPU_LANES = 4
@@ -100,7 +101,7 @@ def algebra(width: int) -> SimpleNamespace:
         """``values[index[row, lane]]`` for each lane."""
         r = Vectors()
         for lane in range(width):
-            value = values[index[row, lane]]
+            value = values[known(index[row, lane])]
             r.x[lane] = value[0]
             r.y[lane] = value[1]
             r.z[lane] = value[2]

@@ -89,6 +89,7 @@ def upload(
     scalars = algebra(lanes).scalars
     return {
         "mass": put(mass, wp.float64),
+        "inverse_mass": put(1.0 / mass, wp.float64),
         "spring_pairs": put(springs.pairs, wp.vec2i),
         "spring_inverse_length": put(1.0 / springs.length, wp.float64),
         "spring_k": put(springs.k, wp.float64),

@@ -8,12 +8,14 @@ import warp as wp
 
 from turnbuckle.compute import Program
 from turnbuckle.data.state import GRAVITY, State
+from turnbuckle.data.tables import ENTRIES
+from turnbuckle.math.index import known
 from turnbuckle.math.types import real, vec3
 
 wp.set_module_options({"enable_backward": False})
 
 TILE = 256
-MEASURES = 12  # per tile of points, see `measure_points`
+MEASURES = 11  # per tile of points, see `measure_points`
 
 
 @wp.kernel
@@ -30,11 +32,11 @@ def nail_residuals(
     rate_out: wp.array(dtype=real),
 ):
     """Squared distance to the goal [m^2], and of the velocity to the goal's rate [m^2/s^2]."""
-    c = begin + wp.tid()
+    c = known(begin + wp.tid())
     p = real(0.0)
     r = real(0.0)
     if phase[c] == 0 or phase[c] == -2:
-        i = point[c]
+        i = known(point[c])
         p = wp.length_sq(x[i] - goal[c])
         if moving != 0:
             r = wp.length_sq(v[i] - rate[c])
@@ -56,13 +58,13 @@ def join_residuals(
     rate_out: wp.array(dtype=real),
 ):
     """The largest squared distance of a point from the one before it in the row, of positions and velocities."""
-    c = begin + wp.tid()
+    c = known(begin + wp.tid())
     p = real(0.0)
     r = real(0.0)
     if phase[c] == 0 or phase[c] == -2:
         for e in range(offsets[c] + 1, offsets[c + 1]):
-            i = points[e]
-            j = points[e - 1]
+            i = known(points[e])
+            j = known(points[e - 1])
             p = wp.max(p, wp.length_sq(x[i] - x[j]))
             r = wp.max(r, wp.length_sq(v[i] - v[j]))
     position_out[c] = p
@@ -73,7 +75,6 @@ def join_residuals(
 def place_residuals(
     begin: int,
     phase: wp.array(dtype=wp.int32),
-    count: wp.array(dtype=wp.int32),
     points: wp.array2d(dtype=wp.int32),
     weights: wp.array2d(dtype=real),
     x: wp.array(dtype=vec3),
@@ -81,14 +82,18 @@ def place_residuals(
     position_out: wp.array(dtype=real),
     rate_out: wp.array(dtype=real),
 ):
-    """Squared distance of a point from its place on a line, triangle or tetrahedron, ``|x_0 - sum alpha_k x_k|^2``."""
-    c = begin + wp.tid()
+    """Squared distance of a point from its place on a line, triangle or tetrahedron, ``|x_0 - sum alpha_k x_k|^2``.
+
+    Entries that a row does not use have weight 0.
+    """
+    c = known(begin + wp.tid())
     place = vec3()
     drift = vec3()
     if phase[c] == 0 or phase[c] == -2:
-        for k in range(count[c]):
-            place += weights[c, k] * x[points[c, k]]
-            drift += weights[c, k] * v[points[c, k]]
+        for k in range(ENTRIES):
+            i = known(points[c, k])
+            place += weights[c, k] * x[i]
+            drift += weights[c, k] * v[i]
     position_out[c] = wp.length_sq(place)
     rate_out[c] = wp.length_sq(drift)
 
@@ -112,7 +117,7 @@ def slide_residuals(
     Inside a face, off means along the normal of the triangle as it is; on a line, off its tangent as it is; on edges,
     corners and rims along the held directions.
     """
-    c = begin + wp.tid()
+    c = known(begin + wp.tid())
     p = real(0.0)
     r = real(0.0)
     if phase[c] == 0 or phase[c] == -2:
@@ -149,7 +154,7 @@ def velocity_residuals(
     rate_out: wp.array(dtype=real),
 ):
     """Squared distance of the velocity to its goal [m^2/s^2]."""
-    c = begin + wp.tid()
+    c = known(begin + wp.tid())
     r = real(0.0)
     if phase[c] == 0 or phase[c] == -2:
         r = wp.length_sq(v[point[c]] - goal[c])
@@ -161,7 +166,7 @@ def tile_maxima(
     begin: int, position: wp.array(dtype=real), rate: wp.array(dtype=real), tile_out: wp.array2d(dtype=real)
 ):
     """The largest squared residuals of each tile of constraints; what is not a number gets through."""
-    t = begin + wp.tid()
+    t = known(begin + wp.tid())
     p = real(0.0)
     r = real(0.0)
     for c in range(t * TILE, wp.min((t + 1) * TILE, position.shape[0])):
@@ -180,7 +185,7 @@ def tile_powers(
     tile_out: wp.array(dtype=real),
 ):
     """The power of nails or velocity goals, ``sum F . rate`` of each tile [W]."""
-    t = begin + wp.tid()
+    t = known(begin + wp.tid())
     total = real(0.0)
     for c in range(t * TILE, wp.min((t + 1) * TILE, phase.shape[0])):
         if phase[c] != -1:
@@ -198,7 +203,7 @@ def internal_momentum(
     tile_out: wp.array2d(dtype=real),
 ):
     """Linear and angular momentum of the points of each tile that no nail or velocity goal holds."""
-    t = begin + wp.tid()
+    t = known(begin + wp.tid())
     px = real(0.0)  # numbers, not vectors: six sums stay in registers
     py = real(0.0)
     pz = real(0.0)
@@ -233,14 +238,13 @@ def measure_points(
     v: wp.array(dtype=vec3),
     tile_out: wp.array2d(dtype=real),
 ):
-    """Kinetic energy, gravity energy, ``sum m|v|``, ``sum m|x||v|``, largest ``|x|^2`` and ``|v|^2`` of each tile, then what
+    """Kinetic energy, gravity energy, ``sum m|v|``, largest ``|x|^2`` and ``|v|^2`` of each tile, then what
     `internal_momentum` gives."""
-    t = begin + wp.tid()
+    t = known(begin + wp.tid())
     g = vec3(params[GRAVITY], params[GRAVITY + 1], params[GRAVITY + 2])
     kinetic = real(0.0)
     potential = real(0.0)
     linear = real(0.0)
-    angular = real(0.0)
     farthest = real(0.0)
     fastest = real(0.0)
     px = real(0.0)
@@ -258,7 +262,6 @@ def measure_points(
         kinetic += m * v2
         potential += m * wp.dot(g, xi)
         linear += m * wp.sqrt(v2)
-        angular += m * wp.sqrt(v2 * x2)
         farthest = wp.where(x2 <= farthest, farthest, x2)  # a value that is not a number gets through
         fastest = wp.where(v2 <= fastest, fastest, v2)
         mv = vi * wp.where(external[i] == wp.uint8(0), m, real(0.0))
@@ -272,15 +275,14 @@ def measure_points(
     tile_out[t, 0] = real(0.5) * kinetic
     tile_out[t, 1] = -potential
     tile_out[t, 2] = linear
-    tile_out[t, 3] = angular
-    tile_out[t, 4] = farthest
-    tile_out[t, 5] = fastest
-    tile_out[t, 6] = px
-    tile_out[t, 7] = py
-    tile_out[t, 8] = pz
-    tile_out[t, 9] = lx
-    tile_out[t, 10] = ly
-    tile_out[t, 11] = lz
+    tile_out[t, 3] = farthest
+    tile_out[t, 4] = fastest
+    tile_out[t, 5] = px
+    tile_out[t, 6] = py
+    tile_out[t, 7] = pz
+    tile_out[t, 8] = lx
+    tile_out[t, 9] = ly
+    tile_out[t, 10] = lz
 
 
 def tiles(n: int) -> int:
@@ -335,7 +337,7 @@ class Certificate:
             p.launch(join_residuals, len(t.phase), [*given, t.position_residual, t.rate_residual])
         t = tables.attach
         if t.rows:
-            given = [t.phase, t.count, t.points, t.weights, x, v]
+            given = [t.phase, t.points, t.weights, x, v]
             p.launch(place_residuals, len(t.phase), [*given, t.position_residual, t.rate_residual])
         t = tables.slide
         if t.rows:
@@ -356,15 +358,15 @@ class Certificate:
         return float(self.powers["nail"].numpy().sum() + self.powers["velocity"].numpy().sum())
 
     def totals(self) -> np.ndarray:
-        """Kinetic energy [J], gravity energy [J], sum m|v|, sum m|x||v|, largest |x| and |v|."""
+        """Kinetic energy [J], gravity energy [J], sum m|v|, largest |x| and |v|."""
         values = self.points.numpy()
-        return np.r_[values[:, :4].sum(axis=0), np.sqrt(values[:, 4:6].max(axis=0))]
+        return np.r_[values[:, :3].sum(axis=0), np.sqrt(values[:, 3:5].max(axis=0))]
 
-    def momentum_error(self, scale_linear: float, scale_angular: float) -> tuple[float, float]:
-        """Change of momentum by internal constraints, relative to the scales of `totals`."""
-        change = self.points.numpy()[:, 6:].sum(axis=0) - self.before.numpy().sum(axis=0)
-        linear, angular = np.linalg.norm(change[:3]), np.linalg.norm(change[3:])
+    def momentum_error(self, linear: float, farthest: float) -> tuple[float, float]:
+        """Change of momentum by internal constraints: over ``sum m|v|``, and angular over that times the largest |x|."""
+        change = self.points.numpy()[:, 5:].sum(axis=0) - self.before.numpy().sum(axis=0)
+        angular = linear * farthest
         return (
-            float(linear / scale_linear) if scale_linear > 0.0 else 0.0,
-            float(angular / scale_angular) if scale_angular > 0.0 else 0.0,
+            float(np.linalg.norm(change[:3]) / linear) if linear > 0.0 else 0.0,
+            float(np.linalg.norm(change[3:]) / angular) if angular > 0.0 else 0.0,
         )

@@ -189,7 +189,8 @@ class StepRecorder:
         if t.points_to_point.rows:
             points_to_point.land(p, t.points_to_point, mass, self.params, now, on, "points_to_point" in ramped)
         if t.attach.rows:
-            attach.land(p, t.attach, mass, self.params, now, on, "attach" in ramped)
+            inverse_mass = self.model.device_arrays["inverse_mass"]
+            attach.land(p, t.attach, mass, inverse_mass, self.params, now, on, "attach" in ramped)
         if t.velocity.rows:
             velocity.land(p, t.velocity, mass, self.params, now, on)
         p.barrier()

@@ -181,12 +181,12 @@ class Stepper:
     def _report(self, dt: float, program: Program) -> StepReport:
         state, scheme = self.state, self.scheme
         report = StepReport(time=state.time + dt, dt=dt, seconds=dict(program.seconds))
-        kinetic, gravity, linear, angular, farthest, fastest = self.certificate.totals()
+        kinetic, gravity, linear, farthest, fastest = self.certificate.totals()
         elastic = self._elastic_energy()
         if not np.isfinite([kinetic, gravity, elastic, farthest, fastest]).all():
             return self._failed(dt, "positions or velocities are no longer finite numbers")
         report.energies = {"kinetic": float(kinetic), "elastic": elastic, "gravity": float(gravity)}
-        report.momentum_error = self.certificate.momentum_error(linear, angular)
+        report.momentum_error = self.certificate.momentum_error(linear, farthest)
         for group in state.groups.values():
             if group.acting:
                 report.active[group.kind] = report.active.get(group.kind, 0) + int((~group.broken).sum())

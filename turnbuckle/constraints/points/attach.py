@@ -14,6 +14,7 @@ from turnbuckle.compute import Program
 from turnbuckle.constraints.points.ramp import advance, kept_fraction
 from turnbuckle.data.state import ADD, D_OVER_C, INVERSE_C, INVERSE_H, MEMORY, PROJECT, H, Kinematics
 from turnbuckle.data.tables import Attachments
+from turnbuckle.math.index import known
 from turnbuckle.math.types import real, vec3
 
 wp.set_module_options({"enable_backward": False})
@@ -61,7 +62,7 @@ def land_attachments(size: int) -> wp.Kernel:
         count: wp.array(dtype=wp.int32),
         points: wp.array2d(dtype=wp.int32),
         weights: wp.array2d(dtype=real),
-        mass: wp.array(dtype=real),
+        inverse_mass: wp.array(dtype=real),
         params: wp.array(dtype=real),
         x: wp.array(dtype=vec3),
         v: wp.array(dtype=vec3),
@@ -69,21 +70,21 @@ def land_attachments(size: int) -> wp.Kernel:
         force_out: wp.array(dtype=vec3),
     ):
         """Close the gap of each attachment and write the force on its first point [N]; rows that are fully active."""
-        c = begin + wp.tid()
+        c = known(begin + wp.tid())
         if phase[c] == 0 and count[c] == size:
             memory = params[MEMORY] != real(0.0)
-            head = points[c, 0]
+            head = known(points[c, 0])
             x0 = x[head]
             v0 = v[head]
             w0 = w[head]
-            flexibility = real(1.0) / mass[head]
+            flexibility = inverse_mass[head]
             gap = vec3()
             gap_v = vec3()
             gap_w = vec3()
             for k in range(1, size):
-                i = points[c, k]
+                i = known(points[c, k])
                 a = weights[c, k]
-                flexibility += a * a / mass[i]
+                flexibility += a * a * inverse_mass[i]
                 gap += a * (x[i] - x0)
                 gap_v += a * (v[i] - v0)
                 gap_w += a * (w[i] - w0)
@@ -95,8 +96,8 @@ def land_attachments(size: int) -> wp.Kernel:
                 v_push = gap_v * (-stiffness)
                 w_push = gap_w * (-stiffness)
             for k in range(size):
-                i = points[c, k]
-                share = weights[c, k] / mass[i]
+                i = known(points[c, k])
+                share = weights[c, k] * inverse_mass[i]
                 x[i] = x[i] + push * share
                 v[i] = v[i] + v_push * share
                 if memory:
@@ -128,7 +129,7 @@ def close_attachments(
     force_out: wp.array(dtype=vec3),
 ):
     """As `land_attachments`, for rows in gradual activation and any number of points."""
-    c = begin + wp.tid()
+    c = known(begin + wp.tid())
     n = phase[c]
     if n <= 0:
         return
@@ -159,7 +160,7 @@ def close_attachments(
         if memory:
             w_push = (closing - weighted_sum(c, k_end, points, weights, w)) / flexibility
     for k in range(k_end):
-        i = points[c, k]
+        i = known(points[c, k])
         share = weights[c, k] / mass[i]
         x[i] = x[i] + push * share
         v[i] = v[i] + v_push * share
@@ -179,26 +180,33 @@ def project_attachments(
     force_out: wp.array(dtype=vec3),
 ):
     """Make ``sum_k w_k y_k = 0`` for a rate ``y`` (an acceleration, say); writes the force that does it."""
-    c = begin + wp.tid()
+    c = known(begin + wp.tid())
     push = vec3()
     if phase[c] == 0:
         k_end = count[c]
         push = -weighted_sum(c, k_end, points, weights, y) / inverse_mass(c, k_end, points, weights, mass)
         for k in range(k_end):
-            i = points[c, k]
+            i = known(points[c, k])
             y[i] = y[i] + push * (weights[c, k] / mass[i])
     force_out[c] = push
 
 
 def land(
-    program: Program, table: Attachments, mass: wp.array, params: wp.array, now: Kinematics, ahead: Kinematics, ramps: bool
+    program: Program,
+    table: Attachments,
+    mass: wp.array,
+    inverse_mass: wp.array,
+    params: wp.array,
+    now: Kinematics,
+    ahead: Kinematics,
+    ramps: bool,
 ) -> None:
     """Record the one exact pass over all attachments; ``ramps``: some may be in gradual activation."""
     n, ramp = len(table.phase), table.ramp
     places = [table.count, table.points, table.weights]
     moved = [ahead.x, ahead.v, ahead.memory, table.force]
     for size in np.unique(table.count.numpy()[: table.rows]):
-        program.launch(land_attachments(int(size)), n, [table.phase, *places, mass, params, *moved])
+        program.launch(land_attachments(int(size)), n, [table.phase, *places, inverse_mass, params, *moved])
     if ramps:
         program.barrier()
         given = [*places, ramp.paper, ramp.speed, mass, params, now.x]

@@ -11,6 +11,7 @@ from turnbuckle.compute import Program
 from turnbuckle.constraints.points.ramp import advance, kept_fraction
 from turnbuckle.data.state import ADD, D_OVER_C, INVERSE_C, INVERSE_H, MEMORY, PROJECT, H, Kinematics
 from turnbuckle.data.tables import Nails
+from turnbuckle.math.index import known
 from turnbuckle.math.types import real, vec3
 
 wp.set_module_options({"enable_backward": False})
@@ -33,9 +34,9 @@ def land_nails(
     force_out: wp.array(dtype=vec3),
 ):
     """Move predicted points onto their goals and write the forces that do it [N]; rows that are fully active."""
-    c = begin + wp.tid()
+    c = known(begin + wp.tid())
     if phase[c] == 0:
-        i = point[c]
+        i = known(point[c])
         target = goal[c]
         step = target - x[i]
         f = step * (mass[i] * params[INVERSE_C])
@@ -79,10 +80,10 @@ def close_nails(
     force_out: wp.array(dtype=vec3),
 ):
     """As `land_nails`, for rows in gradual activation."""
-    c = begin + wp.tid()
+    c = known(begin + wp.tid())
     n = phase[c]
     if n > 0:
-        i = point[c]
+        i = known(point[c])
         h = params[H]
         free = x[i]
         paper = ramp_paper[c]
@@ -122,10 +123,10 @@ def project_nails(
     force_out: wp.array(dtype=vec3),
 ):
     """Give a rate ``y`` (an acceleration, say) of each nailed point its wanted value; writes ``m dy``."""
-    c = begin + wp.tid()
+    c = known(begin + wp.tid())
     f = vec3()
     if phase[c] == 0:
-        i = point[c]
+        i = known(point[c])
         f = (wanted[c] - y[i]) * mass[i]
         y[i] = wanted[c]
     force_out[c] = f

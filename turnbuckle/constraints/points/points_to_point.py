@@ -12,6 +12,7 @@ from turnbuckle.compute import Program
 from turnbuckle.constraints.points.ramp import advance, kept_fraction
 from turnbuckle.data.state import ADD, D_OVER_C, INVERSE_C, INVERSE_H, MEMORY, PROJECT, H, Kinematics
 from turnbuckle.data.tables import Joins
+from turnbuckle.math.index import known
 from turnbuckle.math.types import real, vec3
 
 wp.set_module_options({"enable_backward": False})
@@ -28,7 +29,7 @@ def mean_offset(
     sum_y = real(0.0)
     sum_z = real(0.0)
     for e in range(lo, hi):
-        i = points[e]
+        i = known(points[e])
         m = mass[i]
         d = y[i] - first
         total += m
@@ -53,11 +54,11 @@ def land_pairs(
     point_force_out: wp.array(dtype=vec3),
 ):
     """As `land_joins` for rows of two points, without its loops and three times as fast."""
-    c = begin + wp.tid()
-    lo = offsets[c]
+    c = known(begin + wp.tid())
+    lo = known(offsets[c])
     if phase[c] == 0 and offsets[c + 1] == lo + 2:
-        i = points[lo]
-        j = points[lo + 1]
+        i = known(points[lo])
+        j = known(points[lo + 1])
         mi = mass[i]
         mj = mass[j]
         share = mj / (mi + mj)
@@ -104,8 +105,8 @@ def land_joins(
     point_force_out: wp.array(dtype=vec3),
 ):
     """Bring the points of each row to their centre of mass and write the forces that do it [N]; rows fully active."""
-    c = begin + wp.tid()
-    lo = offsets[c]
+    c = known(begin + wp.tid())
+    lo = known(offsets[c])
     hi = offsets[c + 1]
     if phase[c] == 0 and hi > lo + 2:
         memory = params[MEMORY] != real(0.0)
@@ -119,7 +120,7 @@ def land_joins(
         if memory:
             drift_w = w[head] + mean_offset(lo, hi, points, mass, w)
         for e in range(lo, hi):
-            i = points[e]
+            i = known(points[e])
             step = x_mean - (x[i] - x0)
             f = step * (mass[i] * params[INVERSE_C])
             if params[ADD] != real(0.0):
@@ -156,10 +157,10 @@ def close_joins(
     point_force_out: wp.array(dtype=vec3),
 ):
     """As `land_joins`, for rows in gradual activation: each point keeps a part of its offset from the centre of mass."""
-    c = begin + wp.tid()
+    c = known(begin + wp.tid())
     n = phase[c]
     if n > 0:
-        lo = offsets[c]
+        lo = known(offsets[c])
         hi = offsets[c + 1]
         h = params[H]
         memory = params[MEMORY] != real(0.0)
@@ -178,7 +179,7 @@ def close_joins(
         project = params[PROJECT] != real(0.0) and not (paper and kept > real(0.0))
         closing_rate = wp.where(kept > real(0.0), (kept - real(1.0)) / h, real(0.0))
         for e in range(lo, hi):
-            i = points[e]
+            i = known(points[e])
             free = (x[i] - x0) - x_mean
             now = (x_now[i] - now0) - now_mean
             offset = now * kept
@@ -213,8 +214,8 @@ def project_joins(
     point_force_out: wp.array(dtype=vec3),
 ):
     """Give a rate ``y`` (an acceleration, say) of all points of a row its mass-weighted mean; writes ``m dy``."""
-    c = begin + wp.tid()
-    lo = offsets[c]
+    c = known(begin + wp.tid())
+    lo = known(offsets[c])
     hi = offsets[c + 1]
     if phase[c] != 0:
         force_out[c] = vec3()
@@ -224,7 +225,7 @@ def project_joins(
         y0 = y[points[lo]]
         mean = mean_offset(lo, hi, points, mass, y)
         for e in range(lo, hi):
-            i = points[e]
+            i = known(points[e])
             f = (mean - (y[i] - y0)) * mass[i]
             point_force_out[e] = f
             if e == lo:
