@@ -17,7 +17,7 @@ FOLDER = Path(__file__).parent / "pictures"
 SIZE = (520, 440)  # pixels of one frame
 # Parameters of each scene, and the times that are shown [s]; None: the end.
 SHOWN: dict[str, tuple[dict, tuple[float | None, ...]]] = {
-    "curtain": ({"release_at": 0.55}, (0.0, 0.5, 0.8)),
+    "curtain": ({"m": 14, "release_at": 0.55}, (0.0, 0.5, 0.85)),
     "robot_on_ropes": ({}, (0.0, 1.0, 2.0)),
     "net_to_bridge": ({}, (1.0, 1.8, 4.0)),
     "self_assembly": ({}, (0.0, 1.1, 2.5)),

@@ -2,13 +2,18 @@
 
 import inspect
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import turnbuckle.scenes
+from turnbuckle.data.errors import InputError
 from turnbuckle.scene.check import inspect_scene
 from turnbuckle.scene.scene import Scene
 from turnbuckle.scenes import REGISTRY
+
+YAML = Path(turnbuckle.scenes.__file__).parent / "yaml"
 
 
 def count(scene: Scene, when: float = 0.0) -> dict[str, int]:
@@ -67,12 +72,23 @@ def test_documented_and_typed(name: str) -> None:
 
 @pytest.mark.parametrize("name", list(REGISTRY))
 def test_survives_its_file(name: str, tmp_path) -> None:
-    small = {"curtain": {"m": 3, "rows": 2}, "net_to_bridge": {"columns": 5, "lanes": 3}, "self_assembly": {"divisions": 1}}
+    small = {
+        "curtain": {"m": 3, "rows": 2},
+        "net_to_bridge": {"columns": 5, "lanes": 3},
+        "self_assembly": {"divisions": 1},
+    }
     scene = REGISTRY[name](**small.get(name, {}))
     scene.save(tmp_path / "scene.yaml")
     again = Scene.load(tmp_path / "scene.yaml")
     assert again.definition == scene.definition
     assert np.array_equal(again.build()[0].mass, scene.build()[0].mass)
+
+
+@pytest.mark.parametrize("name", list(REGISTRY))
+def test_the_file_in_the_package_is_the_scene(name: str) -> None:
+    stored, made = Scene.load(YAML / f"{name}.yaml").build(), REGISTRY[name]().build()
+    assert np.allclose(stored[0].rest, made[0].rest, rtol=0.0, atol=1e-12)
+    assert count(Scene.load(YAML / f"{name}.yaml")) == count(REGISTRY[name]())
 
 
 @pytest.mark.parametrize(
@@ -91,8 +107,6 @@ def test_survives_its_file(name: str, tmp_path) -> None:
     ],
 )
 def test_wrong_parameters_are_named(name: str, wrong: dict) -> None:
-    from turnbuckle.data.errors import InputError
-
     with pytest.raises(InputError) as caught:
         REGISTRY[name](**wrong)
     key, value = next(iter(wrong.items()))

@@ -17,8 +17,8 @@ from functools import cache
 
 import warp as wp
 
-from turnbuckle.math.lanes import algebra
 from turnbuckle.math.index import known
+from turnbuckle.math.lanes import algebra
 from turnbuckle.math.types import real, vec3
 
 EDGES = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
