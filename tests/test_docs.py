@@ -99,7 +99,7 @@ def test_what_a_page_names_is_there(page: Path) -> None:
         assert (ROOT / path).exists(), f"{page.name} names {path}"
     for path, test in re.findall(r"`(tests/\w+\.py)::(\w+)`", text):
         assert f"def {test}(" in (ROOT / path).read_text(encoding="utf-8"), f"{page.name} names {path}::{test}"
-    for link in re.findall(r"\]\(([^)#\s]+)(?:#[^)]*)?\)", text):
+    for link in re.findall(r"\]\(([^)#\s]+)(?:#[^)]*)?\)", re.sub(r"`[^`\n]+`", "", text)):
         if "://" not in link:
             assert (page.parent / link).exists(), f"{page.name} links to {link}"
 
