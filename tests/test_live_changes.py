@@ -288,3 +288,43 @@ def test_blow_up_fails_and_says_so():
             break
     assert status == "failed" and "smaller dt" in report.messages[0]
     assert np.isfinite(sim.positions()).all()
+
+
+def test_newmark_on_a_stiff_turning_rope_fails_or_stays_sane():
+    """A horizontal rope of stiff springs swings down in steps that are far too long for its springs."""
+    scene = tb.Scene("stiff", integrator="newmark", dt=0.01)
+    scene.add_rope("r", start=[0, 0, 0], end=[1, 0, 0], segments=99, stretch_stiffness=1e5, mass=0.1)
+    scene.add_constraint("nail", "n", points=at("r", 0))
+    sim = tb.Simulation(scene)
+    for _ in range(40):
+        report = sim.step()
+        if report.status == "failed":
+            assert "Newton" in report.messages[0]
+            break
+        assert report.energies["kinetic"] < 2.0
+
+
+def test_contradictions_under_implicit_schemes_have_sane_forces():
+    scene = ropes("implicit_euler", 1, conflicts="solve")
+    scene.add_constraint("nail", "a", points=at("r0", 0), goal=[0, 0, -0.05])
+    scene.add_constraint("nail", "b", points=at("r0", 0), goal=[0, 0, 0.05])
+    sim = tb.Simulation(scene)
+    report = sim.run(0.02)
+    assert report.status == "degraded"
+    assert np.abs(sim.forces("a")).max() < 1e6
+    np.testing.assert_allclose(sim.positions("r0")[0], 0.0, atol=1e-12)
+
+
+def test_names_that_are_not_there():
+    sim = tb.Simulation(ropes())
+    with pytest.raises(tb.InputError, match="no body 'cloth'"):
+        sim.positions("cloth")
+    with pytest.raises(tb.InputError, match="no body 'cloth'"):
+        sim.add_constraint("nail", "n", points=at("cloth", 0))
+    with pytest.raises(tb.InputError, match="no constraint 'n'"):
+        sim.switch("n", True)
+    with pytest.raises(tb.InputError, match="unknown type 'glue'"):
+        sim.add_constraint("glue", "n", points=at("r0", 0))
+    with pytest.raises(tb.InputError, match=r"\(12, 3\)"):
+        sim.state.set_positions(np.zeros((3, 3)))
+    assert sim.step().status == "ok"

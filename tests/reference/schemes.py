@@ -112,15 +112,18 @@ def implicit_euler(x, v, memory, t, h, force, m, rows=None) -> State:
 
 
 def newmark(x, v, memory, t, h, force, m, rows=None) -> State:
-    """beta = 1/4, gamma = 1/2, one Newton step from the predictor; the acceleration remembered is that of (x, v)."""
+    """beta = 1/4, gamma = 1/2, by Newton's method; the acceleration remembered is that of (x, v)."""
     a = memory
     if a is None:
         a = constrained_force(force, m, rows)(x, v, t) / m[:, None]
     xp, vp = x + h * v + h**2 / 4 * a, v + h / 2 * a
-    k, d = jacobians(force, xp, vp, t + h)
-    matrix = np.diag(np.repeat(m, 3)) - h / 2 * d - h**2 / 4 * k
-    a_new = solve_with_rows(matrix, force(xp, vp, t + h), rows, None if rows is None else np.zeros((len(rows), 3)))
-    x, v = xp + h**2 / 4 * a_new, vp + h / 2 * a_new
+    x, v, a_new = xp, vp, np.zeros_like(xp)
+    for _ in range(12):
+        k, d = jacobians(force, x, v, t + h)
+        matrix = np.diag(np.repeat(m, 3)) - h / 2 * d - h**2 / 4 * k
+        wanted = None if rows is None else -rows @ a_new
+        a_new = a_new + solve_with_rows(matrix, force(x, v, t + h) - m[:, None] * a_new, rows, wanted)
+        x, v = xp + h**2 / 4 * a_new, vp + h / 2 * a_new
     return x, v, constrained_force(force, m, rows)(x, v, t + h) / m[:, None]
 
 

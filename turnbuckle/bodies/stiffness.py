@@ -4,9 +4,10 @@ For ``E = k C^2 / 2`` with damping, ``F = -(k C + k_d C') g`` with ``g = dC/dx``
 
     K = -k g g^T - (k C + k_d C') H - k_d g (H v)^T,        D = -k_d g g^T.
 
-The terms with H may have either sign. Where they would outweigh the masses over a step, the system matrix is no longer
-positive definite and a linearised step points the wrong way; they are then scaled down (`bound`), which changes the
-Jacobian of that element in that step, never the force.
+Tension makes the system matrix more definite, compression less: where the negative eigenvalues of ``(k C + k_d C') H``
+would outweigh the masses over a step, a linearised step points the wrong way. They are then raised to a bound, and the
+last term (which is not symmetric) is scaled down to it. This changes the Jacobian of that element in that step, never the
+force; the stiffness of taut elements is always whole.
 """
 
 from dataclasses import dataclass
@@ -100,13 +101,17 @@ def jacobians(e: Gradients, v: np.ndarray, room: np.ndarray) -> tuple[np.ndarray
     """K and D of each element, (n, 3p, 3p). ``room``: how much of its H terms each point can take, (points,) [N/m]."""
     local_v = v[e.points].reshape(len(e.points), 3 * e.points.shape[1])
     rate = np.einsum("ni,ni->n", e.g, local_v)
-    factor = e.k * e.c + e.k_d * rate
     outer = e.g[:, :, None] * e.g[:, None, :]
-    norm = np.sqrt(np.einsum("nij,nij->n", e.h, e.h))
     bound = np.min(room[e.points], axis=1) if len(e.points) else np.zeros(0)
-    pull = np.abs(factor) * norm
-    weight = np.where(pull > bound, bound / np.where(pull > bound, pull, 1.0), 1.0)
+    bent = (e.k * e.c + e.k_d * rate)[:, None, None] * e.h
+    large = np.flatnonzero(np.sqrt(np.einsum("nij,nij->n", bent, bent)) > bound)
+    if len(large):
+        values, vectors = np.linalg.eigh(bent[large])
+        values = np.maximum(values, -bound[large, None])
+        bent[large] = np.einsum("nij,nj,nkj->nik", vectors, values, vectors)
     turning = np.einsum("nij,nj->ni", e.h, local_v)
-    k = -e.k[:, None, None] * outer - (weight * factor)[:, None, None] * e.h
+    pull = e.k_d * np.linalg.norm(e.g, axis=1) * np.linalg.norm(turning, axis=1)
+    weight = np.where(pull > bound, bound / np.where(pull > bound, pull, 1.0), 1.0)
+    k = -e.k[:, None, None] * outer - bent
     k -= (weight * e.k_d)[:, None, None] * e.g[:, :, None] * turning[:, None, :]
     return k, -e.k_d[:, None, None] * outer

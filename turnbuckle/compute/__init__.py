@@ -1,5 +1,6 @@
 """Recording kernel launches once and replaying them every step."""
 
 from turnbuckle.compute.program import Program, default_threads
+from turnbuckle.compute.start import start_warp
 
-__all__ = ["Program", "default_threads"]
+__all__ = ["Program", "default_threads", "start_warp"]

@@ -8,7 +8,6 @@ CUDA graph. The numbers a kernel needs anew each step (dt, time, ...) therefore 
 Results do not depend on the number of threads: an item is computed by one thread, in the item's own order.
 """
 
-import ctypes
 import os
 import sys
 import threading
@@ -19,32 +18,10 @@ from pathlib import Path
 import numpy as np
 import warp as wp
 
+from turnbuckle.compute.start import start_warp
+
+start_warp()
 wp.set_module_options({"enable_backward": False})
-
-
-def _start_warp() -> None:
-    """Start Warp without its banner, and without the native warning where there is no CUDA driver: that is no news."""
-    if wp.config.log_level != wp.LOG_INFO:  # the user has asked for more or less
-        wp.init()
-        return
-    wp.config.log_level = wp.LOG_WARNING
-    try:
-        ctypes.CDLL("nvcuda.dll" if os.name == "nt" else "libcuda.so.1")
-    except OSError:
-        sys.stderr.flush()
-        kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, 2)
-        try:
-            wp.init()
-        finally:
-            os.dup2(kept, 2)
-            os.close(kept)
-            os.close(nowhere)
-        return
-    wp.init()
-
-
-_start_warp()
 
 SMALL = 512  # items below which a launch is not worth cutting
 PARALLEL = 8192  # a program whose largest launch is smaller runs on one thread: meeting costs more than it saves

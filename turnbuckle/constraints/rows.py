@@ -11,14 +11,18 @@ from turnbuckle.data.tables import OFF, Attachments, Joins, Slides, Table
 KINDS = ("nail", "points_to_point", "attach", "slide", "velocity")
 
 
-def collect(state: State, h: float, only: int | None = None) -> Rows:
-    """Rows of all constraints that act (of those in the phase ``only``), for a step of ``h`` that starts now.
+def collect(state: State, h: float, only: int | None = None, start: np.ndarray | None = None, drift: str = "mean") -> Rows:
+    """Rows of all constraints that act (of those in the phase ``only``), for a step of ``h``.
+
+    ``start``: positions at the start of the interval that is landed on, those of the state when left out. ``drift``: how
+    velocity goals move their points in it: with the "mean" of both ends, or with the velocity at the "end".
 
     Gradual activation in closing mode is in the targets; rows in the paper's mode are left out (they land afterwards).
     """
-    parts = [_collect(kind, state, h, only) for kind in KINDS]
+    x = state.now.x.numpy() if start is None else start
+    parts = [_collect(kind, state, h, only, x, drift) for kind in KINDS]
     n = len(state.owner)
-    blocks, targets, rates, directions, kinds, rows, points = zip(*parts, strict=True)
+    blocks, targets, rates, means, accelerations, directions, kinds, rows, points = zip(*parts, strict=True)
     counts = [len(t) for t in targets]
     entry_rows = np.concatenate([b[0] + shift for b, shift in zip(blocks, np.cumsum([0, *counts[:-1]]), strict=True)])
     columns, values = (np.concatenate([b[i] for b in blocks]) for i in (1, 2))
@@ -28,32 +32,35 @@ def collect(state: State, h: float, only: int | None = None) -> Rows:
         held = np.concatenate(
             [np.tile(np.eye(3), (c, 1, 1)) if d is None else d for d, c in zip(directions, counts, strict=True)]
         )
-    joined = (np.concatenate(a) for a in (targets, rates, kinds, rows, points))
-    target, rate, kind, row, point = joined
-    return Rows(matrix, target, rate, held, kind, row, point)
+    joined = (np.concatenate(a) for a in (targets, rates, means, accelerations, kinds, rows, points))
+    target, rate, mean, acceleration, kind, row, point = joined
+    return Rows(matrix, target, rate, mean, acceleration, held, kind, row, point)
 
 
-def _collect(kind: str, state: State, h: float, only: int | None) -> tuple:
+def _collect(kind: str, state: State, h: float, only: int | None, x: np.ndarray, drift: str) -> tuple:
     table: Table = getattr(state.tables, kind)
     phase = table.phase.numpy()[: table.rows]
     paper = table.ramp.paper.numpy()[: table.rows] != 0
     r = np.flatnonzero((phase != OFF) & ~((phase > 0) & paper) if only is None else phase == only)
-    x, v = state.now.x.numpy(), state.now.v.numpy()
+    v = state.now.v.numpy()
     place = KINDS.index(kind)
-    directions = None
+    directions = acceleration = None
     tied = np.zeros(len(r), dtype=np.int64)
     if kind in ("nail", "velocity"):
         point = table.point.numpy()[r]
         entries = (np.arange(len(r)), point, np.ones(len(r)))
         if kind == "nail":
             base, now, rate = table.goal.numpy()[r], table.goal_now.numpy()[r], table.rate.numpy()[r]
+            mean, acceleration = (base - now) / h, table.acceleration.numpy()[r]
         else:
             goal = table.goal.numpy()[r]
             kept = np.maximum(phase[r], 1) - table.ramp.step.numpy()[r] + 1
             kept = np.where(phase[r] > 0, 1.0 - 1.0 / np.maximum(kept, 1), 0.0)[:, None]
             rate = goal + kept * (v[point] - goal)
-            average = np.where(phase[r][:, None] > 0, rate, 0.5 * (goal + table.goal_now.numpy()[r]))
-            base = now = x[point] + h * average
+            before = table.goal_now.numpy()[r]
+            mean = rate if drift == "end" else np.where(phase[r][:, None] > 0, rate, 0.5 * (goal + before))
+            acceleration = (goal - before) / h
+            base = now = x[point] + h * mean
         gap = x[point] - now
     elif isinstance(table, Joins):
         offsets = table.offsets.numpy()
@@ -77,4 +84,6 @@ def _collect(kind: str, state: State, h: float, only: int | None) -> tuple:
             directions = table.directions.numpy()[r].reshape(-1, 3, 3)
     if kind != "velocity":
         base, rate = ramp_closing.adjust(table, r, base, rate, gap, h)
-    return entries, base, rate, directions, np.full(len(r), place), r, tied
+    if acceleration is None:  # relative rows
+        mean, acceleration = rate, np.zeros_like(rate)
+    return entries, base, rate, mean, acceleration, directions, np.full(len(r), place), r, tied

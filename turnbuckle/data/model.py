@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import warp as wp
 
+from turnbuckle.data.errors import InputError
 from turnbuckle.data.shape import Shape
 
 ForceField = Callable[[np.ndarray, np.ndarray, float, np.ndarray], np.ndarray]
@@ -78,8 +79,9 @@ class Model:
         return bool((self.springs.k_d > 0).any() or (self.tetrahedra.materials[:, 3:] > 0).any())
 
     def shape(self, name: str) -> Shape:
-        """The body called ``name``."""
+        """The body called ``name``. Raises `InputError` when there is none."""
         for shape in self.shapes:
             if shape.name == name:
                 return shape
-        raise KeyError(name)
+        known = ", ".join(f"'{s.name}'" for s in self.shapes)
+        raise InputError(f"there is no body '{name}'; there are {known}")

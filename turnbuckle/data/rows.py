@@ -12,7 +12,9 @@ class Rows:
 
     weights: sp.csr_array  # (rows, points)
     target: np.ndarray  # (rows, 3) [m]
-    rate: np.ndarray  # (rows, 3) [m/s], wanted of the same sums of velocities
+    rate: np.ndarray  # (rows, 3) [m/s], wanted of the same sums of velocities at the end of the step
+    mean_rate: np.ndarray  # (rows, 3) [m/s], over the step
+    acceleration: np.ndarray  # (rows, 3) [m/s^2]
     directions: np.ndarray | None  # (rows, 3, 3), None when every row holds all three
     kind: np.ndarray  # (rows,) int, place of the table in Tables.by_kind()
     row: np.ndarray  # (rows,) int, row of that table

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import warp as wp
 
+from turnbuckle.data.errors import InputError
 from turnbuckle.data.groups import Group
 from turnbuckle.data.tables import Tables
 
@@ -19,6 +20,7 @@ MEMORY = wp.constant(8)  # 1: the scheme remembers a velocity (Verlet's w) that 
 ADD = wp.constant(9)  # 1: the force of landing adds to the force of the first stage
 PREVIOUS_H = wp.constant(10)  # the step before this one [s]
 INVERSE_H = wp.constant(11)  # 1 / step [1/s]
+BACKWARD = wp.constant(12)  # 1: the scheme's velocity is (x+ - x) / h
 PARAMS = 16
 
 
@@ -96,5 +98,5 @@ def _view(array: wp.array) -> np.ndarray:
 def _checked(values: np.ndarray, rows: int, what: str) -> np.ndarray:
     values = np.ascontiguousarray(values, dtype=np.float64)
     if values.shape != (rows, 3) or not np.isfinite(values).all():
-        raise ValueError(f"{what}: expected finite numbers of shape ({rows}, 3), got shape {values.shape}")
+        raise InputError(f"{what}: expected finite numbers of shape ({rows}, 3), got shape {values.shape}")
     return values

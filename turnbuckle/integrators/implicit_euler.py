@@ -22,6 +22,6 @@ class ImplicitEuler(Scheme):
         now, ahead = r.now, r.ahead
         x_free = advance(r, now.x, now.v, 1.0, r.scratch("x_free"))
         a = r.scratch("a1")
-        r.solve(alpha=1.0, beta=1.0, push=1.0, at=(now.x, now.v), free=(x_free, now.v), force=now.force, a_out=a)
+        r.solve(1.0, 1.0, 1.0, at=(now.x, now.v), free=x_free, force=now.force, a_out=a, iteration=0, last=None)
         advance(r, now.v, a, 1.0, ahead.v)
         advance(r, now.x, ahead.v, 1.0, ahead.x)

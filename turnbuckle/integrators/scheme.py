@@ -43,14 +43,17 @@ class Recorder(Protocol):
         beta: float,
         push: float,
         at: tuple[wp.array, wp.array],
-        free: tuple[wp.array, wp.array],
+        free: wp.array,
         force: wp.array,
         a_out: wp.array,
+        iteration: int,
+        last: int | None,
     ) -> None:
-        """Record ``(M - alpha h D - beta h^2 K) a = F + push h K v`` with constraints, for implicit schemes.
+        """Record ``(M - alpha h D - beta h^2 K) da = F + push h K v - M a``, ``a += da``, with constraints, for implicit schemes.
 
-        K and D are taken at ``at = (x, v)``; without the acceleration a the step would end at ``free = (x, v)``, and a
-        moves it from there by ``beta h^2 a`` and ``alpha h a``.
+        K and D are taken at ``at = (x, v)``. ``free`` are the positions at the end of the step before ``da``, which moves
+        them by ``beta h^2 da``. Iteration 0 starts with ``a = 0``; later ones do nothing once ``da`` moves no point, and
+        the step fails when it still does in the ``last`` (None: one iteration is the scheme).
         """
 
 

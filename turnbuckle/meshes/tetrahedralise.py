@@ -91,7 +91,7 @@ def _run_library(
     try:
         import pytetwild  # optional extra
 
-        with _silence():
+        with _silence(), tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):  # it leaves a file behind
             points, cells = pytetwild.tetrahedralize(
                 np.ascontiguousarray(vertices),
                 np.ascontiguousarray(triangles, dtype=np.int32),

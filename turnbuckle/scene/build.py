@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import warp as wp
 
+from turnbuckle.compute import start_warp
 from turnbuckle.constraints.activation import new_owner
 from turnbuckle.data.errors import InputError
 from turnbuckle.data.model import Field, ForceField, Model, Springs
@@ -25,6 +26,7 @@ FORCE_VARIABLES = ("x", "y", "z", "vx", "vy", "vz", "t", "m")
 
 def build(definition: SceneDef, folder: Path, device: str = "cpu") -> tuple[Model, State]:
     """Make the model and its first state. Mesh paths are relative to ``folder``. Raises InputError."""
+    start_warp()
     try:
         wp.get_device(device)
     except (ValueError, RuntimeError) as error:

@@ -8,6 +8,8 @@ that wants ``J x = target`` asks ``J a = (target - J x_free) / (beta h^2)``. ``e
 other (``conflicts="solve"``): then it is a tiny flexibility, which turns contradiction into least squares.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import scipy.sparse as sp
 
@@ -16,8 +18,17 @@ from turnbuckle.data.model import Model
 from turnbuckle.data.rows import Rows
 from turnbuckle.linalg.assembly import Pattern
 from turnbuckle.linalg.factor import Factor
+from turnbuckle.solvers.joint import JointSolver
 
 ROOM = 0.25  # part of m / (beta h^2) that a turning element may take from the diagonal (see bodies/stiffness.py)
+
+
+def agreed(rows: Rows, mass: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Point displacements that come as near to ``wanted`` (rows, 3) as rows allow (see `turnbuckle.solvers.joint`)."""
+    solver = JointSolver(replace(rows, directions=None), mass)
+    out = np.zeros((len(mass), 3))
+    solver.spread(out, solver.solve(wanted)[0])
+    return out
 
 
 class ImplicitSolver:
@@ -57,6 +68,8 @@ class ImplicitSolver:
         if rows is None or len(rows.target) == 0:
             return Factor(a).solve(b).reshape(-1, 3), np.zeros((0, 3))
         wanted = (rows.target - rows.weights @ free) / (beta * h * h)
+        if self.model.conflicts == "solve":  # what rows can agree on; e alone would answer a contradiction with a huge force
+            wanted = rows.weights @ agreed(rows, mass, wanted)
         return self._with_rows(a, b, rows, wanted)
 
     def _with_rows(

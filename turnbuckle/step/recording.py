@@ -38,6 +38,8 @@ class Scratch:
         self.surfaces: slide_search.Surfaces | None = None
         self.joint: JointSolver | None = None
         self.row_forces: Callable[[], None] | None = None
+        self.settled = False  # Newton's method has, in this step
+        self.newton_first = self.newton_last = 0.0  # how far its first and last iteration moved a point [m]
 
     def follow(self, model: Model, state: State) -> None:
         """Catch up with constraints that were added, or share points in another way."""
@@ -153,7 +155,7 @@ class StepRecorder:
             slide.project(p, t.slide, self.state.nailed, mass, acceleration, t.slide.force)
             p.barrier()
         if has_joint_rows(self.state):
-            p.host(lambda: self._joint_project(acceleration, rates=False))
+            p.host(lambda: self._joint_project(acceleration, "acceleration"))
 
     def constrain_velocity(self, v: wp.array) -> None:
         """Record the projection of velocities on the rates of all active constraints; the forces stay as they are."""
@@ -176,7 +178,7 @@ class StepRecorder:
             slide.project(p, t.slide, self.state.nailed, mass, v, unused(t.slide.force))
             p.barrier()
         if has_joint_rows(self.state):
-            p.host(lambda: self._joint_project(v, rates=True))
+            p.host(lambda: self._joint_project(v, "rate"))
 
     def land(self, on: Kinematics) -> None:
         """Record the one exact pass over all constraints: positions, then velocities."""
@@ -210,7 +212,7 @@ class StepRecorder:
 
     def _joint_solver(self, along: bool) -> tuple[JointSolver, constraint_rows.Rows]:
         """The rows that share points, and their solver; ``along``: slides hold their held directions only."""
-        rows = constraint_rows.collect(self.state, float(self.params.numpy()[H]), JOINT)
+        rows = constraint_rows.collect(self.state, float(self.params.numpy()[H]), JOINT, *self._landing())
         slides = rows.directions is not None
         if not along:
             rows.directions = None
@@ -218,12 +220,21 @@ class StepRecorder:
             self.work.joint = JointSolver(rows, self.model.mass)
         return self.work.joint, rows
 
-    def _joint_project(self, y: wp.array, rates: bool) -> None:
+    def _landing(self) -> tuple[np.ndarray, str]:
+        """Where the interval that constraints land on starts, and how velocity goals drift in it."""
+        scheme = SCHEMES[self.model.integrator]
+        start = self.ahead.x if scheme.lands_later else self.now.x
+        return start.numpy(), "end" if scheme.lands_later or scheme.goal_rate == "backward" else "mean"
+
+    def _joint_project(self, y: wp.array, what: str) -> None:
+        """Give the rates ``y`` of rows that share points what they want: "rate", "mean_rate" or "acceleration"."""
         solver, rows = self._joint_solver(along=True)
         values = y.numpy()
-        wanted = rows.rate if rates else np.zeros_like(rows.rate)
-        solver.spread(values, solver.solve(wanted - rows.weights @ values)[0])
+        dy, mu = solver.solve(getattr(rows, what) - rows.weights @ values)
+        solver.spread(values, dy)
         y.assign(values)
+        if what == "acceleration":
+            write_row_forces(self.state, rows, mu, add=False)
 
     def _joint_land(self, on: Kinematics) -> None:
         solver, rows = self._joint_solver(along=False)
@@ -244,8 +255,8 @@ class StepRecorder:
             table = self.state.tables.slide
             inputs = [0, *slide.moved_domain(table, self.work.surfaces, on.x)]
             wp.launch(slide.refresh_directions, len(table.phase), inputs=inputs, device=self.model.device)
-        for velocity in velocities:
-            self._joint_project(velocity, rates=True)
+        for velocity, what in zip(velocities, ("rate", "mean_rate"), strict=False):
+            self._joint_project(velocity, what)
 
     # Implicit schemes ----------------------------------------------------------------------------------------------
 
@@ -255,24 +266,41 @@ class StepRecorder:
         beta: float,
         push: float,
         at: tuple[wp.array, wp.array],
-        free: tuple[wp.array, wp.array],
+        free: wp.array,
         force: wp.array,
         a_out: wp.array,
+        iteration: int,
+        last: int | None,
     ) -> None:
-        """Record ``(M - alpha h D - beta h^2 K) a = F + push h K v`` with constraints."""
-        self.find_places(free[0])
-        self.program.host(lambda: self._solve(alpha, beta, push, at, free[0], force, a_out))
+        """Record one iteration of an implicit step (see `turnbuckle.integrators.scheme.Recorder`)."""
+        self.find_places(free)
 
-    def _solve(self, alpha, beta, push, at, free, force, a_out) -> None:  # noqa: ANN001
-        h = float(self.params.numpy()[H])
-        rows = None if self.paper else constraint_rows.collect(self.state, h)
-        assert self.work.implicit is not None
-        where = (at[0].numpy(), at[1].numpy())
-        a, f = self.work.implicit.solve(h, alpha, beta, push, where, force.numpy(), free.numpy(), rows)
-        a_out.assign(a)
-        self.work.row_forces = None
-        if rows is not None:
-            self.work.row_forces = lambda: write_row_forces(self.state, rows, f, add=False)
+        def solve() -> None:
+            work, h = self.work, float(self.params.numpy()[H])
+            assert work.implicit is not None
+            if iteration == 0:
+                work.settled, work.row_forces = False, None
+                a = np.zeros((self.model.points, 3))
+            elif work.settled:
+                return
+            else:
+                a = a_out.numpy().copy()
+            rows = None if self.paper else constraint_rows.collect(self.state, h, None, *self._landing())
+            rest = force.numpy() - self.model.mass[:, None] * a
+            where = (at[0].numpy(), at[1].numpy())
+            da, f = work.implicit.solve(h, alpha, beta, push, where, rest, free.numpy(), rows)
+            a_out.assign(a + da)
+            if rows is not None:
+                work.row_forces = lambda: write_row_forces(self.state, rows, f, add=False)
+            moves = beta * h * h * float(np.abs(da).max(initial=0.0))
+            work.settled = moves <= 1e-14 * self.model.size
+            if iteration == 0:
+                work.newton_first = moves
+            work.newton_last = 0.0 if last is None else moves
+            if iteration == last and not moves <= 0.1 * max(work.newton_first, 1e-8 * self.model.size):
+                raise FloatingPointError(f"Newton's method does not settle: after {last + 1} iterations it moves {moves:.1e} m")
+
+        self.program.host(solve)
 
 
 def write_row_forces(state: State, rows: constraint_rows.Rows, force: np.ndarray, add: bool) -> None:

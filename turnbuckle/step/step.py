@@ -8,10 +8,12 @@ import warp as wp
 
 from turnbuckle.compute import Program
 from turnbuckle.constraints.activation import break_rows, update_windows
+from turnbuckle.data.errors import InputError
 from turnbuckle.data.model import Model
 from turnbuckle.data.report import StepReport
 from turnbuckle.data.state import (
     ADD,
+    BACKWARD,
     D_OVER_C,
     GRAVITY,
     INVERSE_C,
@@ -30,6 +32,7 @@ from turnbuckle.step.goals import aim_again, move_goals
 from turnbuckle.step.recording import Scratch, StepRecorder
 
 TOLERANCE = 1e-12  # of the scene's size: what a constraint may miss by in a step that is "ok"
+NEWTON_LEFT = 1e-9  # of the scene's size: what the last Newton iteration may move a point by in a step that is "ok"
 ROUND_OFF = 64 * np.finfo(float).eps  # of the largest coordinate or speed: what floating point cannot resolve
 
 
@@ -47,7 +50,7 @@ class Stepper:
     def step(self, dt: float) -> StepReport:
         """Advance the state by ``dt`` [s]. When the report says "failed", the state is as it was before."""
         if not (math.isfinite(dt) and dt > 0.0):
-            raise ValueError(f"dt must be a positive number of seconds, got {dt}")
+            raise InputError(f"dt must be a positive number of seconds, got {dt}")
         began = time.perf_counter()
         model, state, scheme = self.model, self.state, self.scheme
         update_windows(model, state, dt)
@@ -131,6 +134,7 @@ class Stepper:
         params[PROJECT] = 0.0 if paper or scheme.lands_later else 1.0
         params[MEMORY] = 1.0 if scheme.velocity_memory else 0.0
         params[ADD] = 1.0 if scheme.adds_landing and not paper else 0.0
+        params[BACKWARD] = 1.0 if scheme.goal_rate == "backward" else 0.0
         params[PREVIOUS_H], params[INVERSE_H] = state.dt, 1.0 / dt
         state.params.assign(params)
 
@@ -199,6 +203,9 @@ class Stepper:
             report.position_residual[kind], report.rate_residual[kind] = position, rate
             if not settling and (position > allowed or rate > allowed_rate) and self.model.response == "exact":
                 report.messages.append(f"{kind} constraints are missed by {position:.2e} m and {rate:.2e} m/s")
+        left = self.scratch.newton_last
+        if left > NEWTON_LEFT * self.model.size:
+            report.messages.append(f"Newton's method stopped while it still moved points by {left:.1e} m")
         report.settling = settling
         if settling:
             report.messages.append("explicit Euler meets new constraints in their second step")

@@ -1,7 +1,8 @@
 """Velocity goal (Local, section 4): a mass point with a wanted velocity.
 
-Default: the point moves with the mean of the goal's velocity over the step, and has the goal's velocity at its end; the
-force is the one of that displacement, as for a nail. With ``response="paper"`` the force is ``(goal - v*) / d_i``.
+Default: the point moves with the mean of the goal's velocity over the step (with that at its end in schemes whose
+velocity is ``(x+ - x) / h``), and has the goal's velocity at its end; the force is the one of that displacement, as for a
+nail. With ``response="paper"`` the force is ``(goal - v*) / d_i``.
 Under Verlet this imposes ``(x+ - x) / h``: the central difference (2) would decouple odd and even steps.
 """
 
@@ -9,7 +10,7 @@ import warp as wp
 
 from turnbuckle.compute import Program
 from turnbuckle.constraints.points.ramp import advance
-from turnbuckle.data.state import ADD, D_OVER_C, INVERSE_C, MEMORY, PROJECT, H, Kinematics
+from turnbuckle.data.state import ADD, BACKWARD, D_OVER_C, INVERSE_C, MEMORY, PROJECT, H, Kinematics
 from turnbuckle.data.tables import Velocities
 from turnbuckle.math.types import real, vec3
 
@@ -40,7 +41,9 @@ def land_velocities(
         i = point[c]
         h = params[H]
         final = goal[c]
-        average = real(0.5) * (goal[c] + goal_now[c])
+        average = final
+        if params[BACKWARD] == real(0.0):
+            average = real(0.5) * (final + goal_now[c])
         if n > 0:
             kept = real(1.0) - real(1.0) / real(wp.max(n - ramp_step[c] + 1, 1))
             final = final + kept * (v_now[i] - final)
