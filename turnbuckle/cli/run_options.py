@@ -36,6 +36,8 @@ def check_options(
     for option, path in written:
         if path is None:
             continue
+        if path.exists() and not path.is_file() and not path.is_dir():
+            raise InputError(f"{option} {path}: is a device or the like, not a file")
         if path.is_dir():
             raise InputError(f"{option} {path}: is a folder, expected a file")
         if not path.absolute().parent.is_dir():

@@ -32,9 +32,15 @@ class _Recorder(Protocol):
     def close(self) -> None: ...
 
 
+def _followed(path: Path) -> Path:
+    """Where a link points: it is the target that is written, not the link that is replaced."""
+    return path.resolve() if path.is_symlink() else path
+
+
 def check_outputs(out: Sequence[str | PathLike[str]], report: Path | None, checkpoint: Path | None) -> list[Path]:
     """The recordings as paths, if all that is to be written can be. Raises InputError."""
-    paths = [Path(p) for p in out]
+    paths = [_followed(Path(p)) for p in out]
+    report, checkpoint = (None if p is None else _followed(p) for p in (report, checkpoint))
     for path in paths:
         if path.suffix.lower() not in SUFFIXES:
             raise InputError(
@@ -47,6 +53,8 @@ def check_outputs(out: Sequence[str | PathLike[str]], report: Path | None, check
             continue
         if target.is_dir():
             raise InputError(f"{what} {target}: is a folder; give the name of a file")
+        if target.exists() and not target.is_file():
+            raise InputError(f"{what} {target}: is a device or the like, not a file; give the name of a file")
         if not target.parent.is_dir():
             raise InputError(f"{what} {target}: there is no folder {target.parent}; make it first")
         try:

@@ -21,6 +21,8 @@ from turnbuckle.meshes.shapes import (
 from turnbuckle.meshes.tetrahedralise import tetrahedralise
 from turnbuckle.scene.definitions import RopeDef, SheetDef, SolidDef
 
+FILLED = 0.01  # of a surface's volume: what tetrahedra may miss before it is said
+
 
 @dataclass
 class Body:
@@ -162,6 +164,8 @@ def _across_edges(triangles: np.ndarray, n: int) -> np.ndarray:
 
 def _solid(d: SolidDef, folder: Path) -> Body:
     surface: SurfaceMesh | None = None
+    notes: list[str] = []
+    enclosed = None  # by the user's surface, in the body's own coordinates [m^3]
     if d.box is not None:
         points, cells = box_tetrahedra(tuple(d.box.size), tuple(int(c) for c in d.box.cells))
     elif d.cylinder is not None:
@@ -173,7 +177,10 @@ def _solid(d: SolidDef, folder: Path) -> Body:
         if isinstance(mesh, TetMesh):
             points, cells = mesh.vertices, mesh.tetrahedra
         elif isinstance(mesh, SurfaceMesh):
-            vertices, triangles, _ = check_surface(mesh.vertices, mesh.triangles)
+            vertices, triangles, found = check_surface(mesh.vertices, mesh.triangles)
+            enclosed = found.volume
+            if found.flipped or found.duplicates or found.degenerate:
+                notes.append(f"surface: {found.summary()}")
             surface = SurfaceMesh(vertices, triangles)
             edge = None if d.edge_length is None else d.edge_length / d.scale
             points, cells = tetrahedralise(vertices, triangles, edge_length=edge)
@@ -194,12 +201,20 @@ def _solid(d: SolidDef, folder: Path) -> Body:
     x = _placed(d, points)
     volume = six_volumes(x, cells) / 6.0
     mass = _lumped(len(x), cells, volume, d, "volume")
+    if enclosed is not None:  # the mass is that of the surface, however well tetrahedra fill it
+        filled = volume.sum() / (enclosed * d.scale**3)
+        if d.mass is None:
+            mass /= filled
+        if abs(filled - 1.0) > FILLED:
+            notes.append(f"tetrahedra fill {100.0 * filled:.1f} % of the surface; a smaller edge_length follows it closer")
+    if not report.clean:
+        notes.append(report.summary())
     shape = Shape(
         d.name, 0, len(x), triangles=boundary_triangles(cells), tetrahedra=np.asarray(cells, dtype=np.int32), skin=skin,
         color=_color(d),
     )  # fmt: skip
     material = (d.k_distance, d.k_area, d.k_volume, d.damping_distance, d.damping_area, d.damping_volume)
-    repairs = "" if report.clean else f"{d.name}: {report.summary()}"
+    repairs = f"{d.name}: {'; '.join(notes)}" if notes else ""
     return Body(
         d.name, x, mass, d.velocity, shape, tetrahedra=np.asarray(cells, dtype=np.int32), material=material, repairs=repairs
     )

@@ -14,6 +14,7 @@ from turnbuckle.scene.scene import Scene
 from turnbuckle.scene.stability import step_warning
 
 WEIGHT_TOLERANCE = 1e-9
+FAR = 1e-3  # of the scene's size: a gap that is worth a warning
 MAX_CONFLICTS = 10  # pairs of constraints named
 
 
@@ -39,6 +40,7 @@ def inspect_scene(scene: Scene) -> Inspection:
     warnings += [too_large] if too_large else []
     warnings += weight_warnings(state)
     warnings += conflict_warnings(list(state.groups.values()))
+    warnings += far_warnings(model, state)
     warnings += domain_warnings(state)
     return Inspection(counts(scene, model, state), warnings)
 
@@ -80,6 +82,30 @@ def weight_warnings(state: State) -> Iterator[str]:
             yield (
                 f"constraint {group.name!r}: {int(outside.sum())} of {len(own)} points are outside their elements "
                 f"(a weight of {extreme:.4g}); attach them to nearer elements"
+            )
+
+
+def far_warnings(model: Model, state: State) -> Iterator[str]:
+    """Constraints without a ramp that start far from satisfied: they are closed in one step, like a blow."""
+    x = state.positions()
+    for group in state.groups.values():
+        if group.ramp_steps > 0 or not group.enabled:
+            continue
+        ends = np.split(group.points, group.offsets[1:-1])
+        if group.kind == "nail" and group.goal is not None:
+            gap = np.linalg.norm(x[group.points] - group.goal.position(max(group.start, 0.0)), axis=1).max()
+        elif group.kind == "points_to_point":
+            gap = max(float(np.linalg.norm(np.ptp(x[p], axis=0))) for p in ends)
+        elif group.kind == "attach":
+            table = state.tables.attach
+            points, weights = table.points.numpy()[group.rows], table.weights.numpy()[group.rows]
+            gap = np.linalg.norm(np.einsum("nk,nkd->nd", weights, x[points]), axis=1).max()
+        else:
+            continue
+        if group.start <= 0.0 and gap > FAR * model.size:
+            yield (
+                f"constraint {group.name!r}: starts {float(gap):.3g} m from satisfied and is closed in one step, like a blow; "
+                "give it a ramp, or move its points together"
             )
 
 

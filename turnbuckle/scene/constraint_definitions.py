@@ -242,6 +242,12 @@ class AttachToDef(Definition):
     @model_validator(mode="after")
     def _check(self) -> AttachToDef:
         exactly_one(self, [("elements",), ("nearest",)])
+        if self.elements is not None:
+            ordered = np.sort(self.elements, axis=1)
+            double = (ordered[:, 1:] == ordered[:, :-1]).any(axis=1)
+            if double.any():
+                row = int(np.argmax(double))
+                raise problem(f"uses a point twice ({self.elements[row].tolist()})", "elements", row)
         return self
 
 

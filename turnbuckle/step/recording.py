@@ -123,11 +123,12 @@ class StepRecorder:
         for f in self.model.fields:
             points = f.points
             value = np.asarray(f.force(positions[points], velocities[points], t, self.model.mass[points]), dtype=float)
-            if value.shape != (len(points), 3) or not np.isfinite(value).all():
-                raise FloatingPointError(
-                    f"force '{f.name}' gave values of shape {value.shape}, or not finite, at t = {t:g} s; "
-                    f"expected finite numbers of shape ({len(points)}, 3)"
-                )
+            if value.shape != (len(points), 3):
+                raise FloatingPointError(f"force '{f.name}' gave shape {value.shape}, expected ({len(points)}, 3)")
+            if not np.isfinite(value).all():
+                first = points[int(np.argmin(np.isfinite(value).all(axis=1)))]
+                where = ", ".join(f"{c:.6g}" for c in positions[first])
+                raise FloatingPointError(f"force '{f.name}' is not finite at t = {t:g} s on point {first} at ({where}) m")
             total[points] += value
             power += float(np.einsum("nd,nd->", value, velocities[points]))
         self.work.field_power = power

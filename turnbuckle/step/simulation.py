@@ -1,5 +1,6 @@
 """`Simulation`: a scene that runs, step by step, and may be changed between two steps."""
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -23,6 +24,8 @@ class Simulation:
 
     def __init__(self, scene: Scene, device: str = "cpu") -> None:
         """Build ``scene`` on ``device``. Raises `InputError`."""
+        if not isinstance(scene, Scene):
+            raise InputError(f"expected a Scene, got {type(scene).__name__}; read a scene file with Scene.load(path)")
         self.scene = scene
         self.dt = scene.definition.dt
         self.model: Model
@@ -37,6 +40,8 @@ class Simulation:
     def run(self, duration: float, dt: float | None = None) -> StepReport:
         """Steps until ``duration`` [s] has passed; the last report. Raises `StepError` when a step fails."""
         dt = self.dt if dt is None else dt
+        if not (math.isfinite(duration) and duration > 0.0 and math.isfinite(dt) and dt > 0.0):
+            raise InputError(f"duration and dt must be positive numbers of seconds, got {duration} and {dt}")
         steps = max(round(duration / dt), 1)
         report = StepReport()
         for _ in range(steps):
@@ -62,6 +67,9 @@ class Simulation:
 
     def forces(self, constraint: str) -> np.ndarray:
         """Constraint forces of the last step [N].
+
+        The force belongs to the step as its scheme has it: to its start (velocity Verlet), its middle (Verlet, midpoint) or
+        its end (RK4, Newmark); between them lies a difference of order dt.
 
         Shape (rows, 3): on the point of a nail or velocity goal, on the point that is attached or slides (its element
         takes the opposite). For points to point (points, 3): on every point, row after row.
@@ -89,6 +97,8 @@ class Simulation:
         group = find_group(self.state, constraint)
         if isinstance(goal, Mapping):
             goal = validate(KeyframesDef, goal, f"goal of '{constraint}'", {"folder": self.scene.folder})
+        if not callable(goal) and not isinstance(goal, KeyframesDef) and goal is not None and not np.isfinite(goal).all():
+            raise InputError(f"constraint '{constraint}': the goal has numbers that are not finite: {goal}")
         new = goal_of(goal, group, self.state)
         retarget(self.state, constraint, new, new.moves)
 

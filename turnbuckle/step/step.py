@@ -216,6 +216,8 @@ class Stepper:
 
     def _failed(self, dt: float, what: str) -> StepReport:
         advice = "take a smaller dt, more damping or less stiffness, or an implicit integrator"
+        if what.startswith("force "):
+            advice = "mend the force field"
         return StepReport(
             status="failed", messages=[f"{what}; the last good state stands: {advice}"], time=self.state.time, dt=dt,
             energies=dict(self.state.energies),
