@@ -15,9 +15,9 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-import numpy as np
 import warp as wp
 
+from turnbuckle.compute.host import host
 from turnbuckle.compute.start import start_warp
 
 start_warp()
@@ -124,7 +124,8 @@ class Program:
 
     def __init__(self, device: str, threads: int | None = None) -> None:
         self.device = device
-        self.threads = 1 if wp.get_device(device).is_cuda else threads or default_threads()
+        self._on_gpu = wp.get_device(device).is_cuda
+        self.threads = 1 if self._on_gpu else threads or default_threads()
         self.ticks = wp.zeros(64, dtype=wp.float64, device=device)
         self.stages: list[str] = []
         self.seconds: dict[str, float] = {}
@@ -233,11 +234,11 @@ class Program:
 
     def _time(self, wall: float) -> None:
         """Seconds by stage: the share of each in the clock ticks, times the wall time."""
-        if not self.stages or wp.get_device(self.device).is_cuda:
+        if not self.stages or self._on_gpu:
             return
-        ticks = self.ticks.numpy()[: len(self.stages) + 1]
-        spans = np.maximum(np.diff(ticks), 0.0)
-        total = spans.sum()
+        ticks = host(self.ticks)[: len(self.stages) + 1].tolist()
+        total = ticks[-1] - ticks[0]
         self.seconds = {}
-        for name, span in zip(self.stages, spans, strict=True):
-            self.seconds[name] = self.seconds.get(name, 0.0) + (wall * span / total if total > 0 else 0.0)
+        for k, name in enumerate(self.stages):
+            span = max(ticks[k + 1] - ticks[k], 0.0)
+            self.seconds[name] = self.seconds.get(name, 0.0) + (wall * span / total if total > 0.0 else 0.0)

@@ -3,10 +3,12 @@
 Maxima and sums are made in tiles of fixed size, tile by tile in order, so they do not depend on the number of threads.
 """
 
+import math
+
 import numpy as np
 import warp as wp
 
-from turnbuckle.compute import Program
+from turnbuckle.compute import Program, host
 from turnbuckle.data.state import GRAVITY, State
 from turnbuckle.data.tables import ENTRIES
 from turnbuckle.math.index import known
@@ -300,6 +302,8 @@ class Certificate:
         self.before = wp.zeros((tiles(points), 6), dtype=real, device=device)
         self.maxima: dict[str, wp.array] = {}
         self.powers: dict[str, wp.array] = {}
+        self.moving: set[str] = set()
+        self._change = np.zeros(6)
         for kind, table in state.tables.by_kind().items():
             n = tiles(len(table.phase))
             self.maxima[kind] = wp.zeros((n, 2), dtype=real, device=device)
@@ -323,7 +327,7 @@ class Certificate:
     def record_constraints(self, p: Program, x: wp.array, v: wp.array, lands_later: bool) -> None:
         """Record the residuals of all constraints, and the power of those that move."""
         tables = self.state.tables
-        moving = {g.kind for g in self.state.groups.values() if g.moving or g.kind == "velocity"}
+        self.moving = moving = {g.kind for g in self.state.groups.values() if g.moving or g.kind == "velocity"}
         t = tables.nail
         if t.rows:
             goal = t.goal_now if lands_later else t.goal
@@ -350,23 +354,25 @@ class Certificate:
 
     def residuals(self, kind: str) -> tuple[float, float]:
         """Largest position residual [m] and rate residual [m/s] of fully active rows of a kind."""
-        position, rate = np.sqrt(self.maxima[kind].numpy().max(axis=0))
+        position, rate = np.sqrt(host(self.maxima[kind]).max(axis=0))
         return float(position), float(rate)
 
     def power(self) -> float:
         """Power of nails and velocity goals [W]."""
-        return float(self.powers["nail"].numpy().sum() + self.powers["velocity"].numpy().sum())
+        return float(host(self.powers["nail"]).sum() + host(self.powers["velocity"]).sum()) if self.moving else 0.0
 
-    def totals(self) -> np.ndarray:
-        """Kinetic energy [J], gravity energy [J], sum m|v|, largest |x| and |v|."""
-        values = self.points.numpy()
-        return np.r_[values[:, :3].sum(axis=0), np.sqrt(values[:, 3:5].max(axis=0))]
+    def totals(self) -> tuple[float, float, float, float, float]:
+        """Kinetic energy [J], gravity energy [J], sum m|v|, largest |x| and |v|; also keeps the momenta."""
+        values = host(self.points)
+        sums = values.sum(axis=0)
+        self._change = sums[5:] - host(self.before).sum(axis=0)
+        farthest, fastest = np.sqrt(values[:, 3:5].max(axis=0)).tolist()
+        return (*sums[:3].tolist(), farthest, fastest)
 
     def momentum_error(self, linear: float, farthest: float) -> tuple[float, float]:
-        """Change of momentum by internal constraints: over ``sum m|v|``, and angular over that times the largest |x|."""
-        change = self.points.numpy()[:, 5:].sum(axis=0) - self.before.numpy().sum(axis=0)
-        angular = linear * farthest
-        return (
-            float(np.linalg.norm(change[:3]) / linear) if linear > 0.0 else 0.0,
-            float(np.linalg.norm(change[3:]) / angular) if angular > 0.0 else 0.0,
-        )
+        """Change of momentum by internal constraints (after `totals`): over ``sum m|v|``, and angular over that times the
+        largest |x|."""
+        if linear <= 0.0 or farthest <= 0.0:
+            return 0.0, 0.0
+        px, py, pz, lx, ly, lz = self._change.tolist()
+        return math.hypot(px, py, pz) / linear, math.hypot(lx, ly, lz) / (linear * farthest)

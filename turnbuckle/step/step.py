@@ -6,7 +6,7 @@ import time
 import numpy as np
 import warp as wp
 
-from turnbuckle.compute import Program
+from turnbuckle.compute import Program, host
 from turnbuckle.constraints.activation import break_rows, update_windows
 from turnbuckle.data.errors import InputError
 from turnbuckle.data.model import Model
@@ -26,6 +26,7 @@ from turnbuckle.data.state import (
     Kinematics,
     State,
 )
+from turnbuckle.data.tables import Table
 from turnbuckle.integrators import SCHEMES
 from turnbuckle.step.certificate import Certificate
 from turnbuckle.step.goals import aim_again, move_goals
@@ -44,6 +45,7 @@ class Stepper:
         self.scheme = SCHEMES[model.integrator]()
         self._ahead = Kinematics.zeros(model.points, model.device)
         self._layout = -1
+        self._damped = model.damped
         self._ramping = 0  # constraints in gradual activation after the last step
         self.scratch = Scratch(model)
 
@@ -56,7 +58,8 @@ class Stepper:
         update_windows(model, state, dt)
         self._prepare(dt)
         move_goals(state, scheme, dt)
-        before = [t.phase.numpy().copy() for t in self._ramped()], [t.ramp.step.numpy().copy() for t in self._ramped()]
+        ramped = self._ramped()
+        before = [(t, t.phase.numpy().copy(), t.ramp.step.numpy().copy()) for t in ramped]
         try:
             if state.stale:
                 self._program("evaluate").run()
@@ -70,7 +73,7 @@ class Stepper:
         except (FloatingPointError, np.linalg.LinAlgError) as error:
             self._restore(before)
             return self._failed(dt, str(error))
-        report = self._report(dt, program)
+        report = self._report(dt, program, ramped)
         if report.status == "failed":
             self._restore(before)
         else:
@@ -125,7 +128,7 @@ class Stepper:
             self.certificate = Certificate(state, self.model.points, self.model.device)
         c, d = scheme.response(dt)
         paper = self.model.response == "paper"
-        params = state.params.numpy()
+        params = host(state.params)
         params[H], params[TIME] = dt, state.time
         params[GRAVITY : GRAVITY + 3] = state.gravity
         params[INVERSE_C], params[D_OVER_C] = 1.0 / c, d / c
@@ -136,7 +139,8 @@ class Stepper:
         params[ADD] = 1.0 if scheme.adds_landing and not paper else 0.0
         params[BACKWARD] = 1.0 if scheme.goal_rate == "backward" else 0.0
         params[PREVIOUS_H], params[INVERSE_H] = state.dt, 1.0 / dt
-        state.params.assign(params)
+        if not state.params.device.is_cpu:
+            state.params.assign(params)
 
     def _program(self, name: str) -> Program:
         key = (name, id(self.state.now))
@@ -166,35 +170,36 @@ class Stepper:
             report.messages.append("broke: " + ", ".join(report.broken[:5]))
 
     def _damping_power(self) -> float:
-        if not self.model.damped:
+        if not self._damped:
             return 0.0
-        return float(self.scratch.spring_power.numpy().sum() + self.scratch.block_power.numpy().sum())
+        return float(host(self.scratch.spring_power).sum() + host(self.scratch.block_power).sum())
 
     def _elastic_energy(self) -> float:
-        return float(self.scratch.spring_energy.numpy().sum() + self.scratch.block_energy.numpy().sum())
+        return float(host(self.scratch.spring_energy).sum() + host(self.scratch.block_energy).sum())
 
-    def _ramped(self) -> list:
+    def _ramped(self) -> list[Table]:
+        """Tables in which some row may be in gradual activation."""
         kinds = {g.kind for g in self.state.groups.values() if g.acting and g.ramp_steps > 0}
         return [getattr(self.state.tables, kind) for kind in sorted(kinds)]
 
-    def _restore(self, before: tuple[list, list]) -> None:
-        for table, phase, step in zip(self._ramped(), *before, strict=True):
+    def _restore(self, before: list[tuple[Table, np.ndarray, np.ndarray]]) -> None:
+        for table, phase, step in before:
             table.phase.assign(phase)
             table.ramp.step.assign(step)
 
-    def _report(self, dt: float, program: Program) -> StepReport:
+    def _report(self, dt: float, program: Program, ramped: list[Table]) -> StepReport:
         state, scheme = self.state, self.scheme
         report = StepReport(time=state.time + dt, dt=dt, seconds=dict(program.seconds))
         kinetic, gravity, linear, farthest, fastest = self.certificate.totals()
         elastic = self._elastic_energy()
-        if not np.isfinite([kinetic, gravity, elastic, farthest, fastest]).all():
+        if not math.isfinite(kinetic + gravity + elastic + farthest + fastest):
             return self._failed(dt, "positions or velocities are no longer finite numbers")
         report.energies = {"kinetic": float(kinetic), "elastic": elastic, "gravity": float(gravity)}
         report.momentum_error = self.certificate.momentum_error(linear, farthest)
         for group in state.groups.values():
             if group.acting:
                 report.active[group.kind] = report.active.get(group.kind, 0) + int((~group.broken).sum())
-        report.ramping = int(sum((t.phase.numpy() > 0).sum() for t in self._ramped()))
+        report.ramping = int(sum((t.phase.numpy() > 0).sum() for t in ramped))
         settling = scheme.lands_later and (state.activated or report.ramping < self._ramping)
         allowed = TOLERANCE * self.model.size + ROUND_OFF * farthest
         allowed_rate = TOLERANCE * max(self.model.size, fastest) + ROUND_OFF * (farthest / dt if scheme.lands_later else 0.0)
