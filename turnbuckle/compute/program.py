@@ -158,15 +158,18 @@ class Program:
         self._segments[-1].append(("stamp", len(self.stages)))
         self.stages.append(name)
 
-    def finish(self) -> "Program":
-        """Capture the graphs. Nothing can be recorded afterwards."""
+    def finish(self, parallel_from: int = PARALLEL) -> "Program":
+        """Capture the graphs. Nothing can be recorded afterwards.
+
+        A program whose largest launch has less than ``parallel_from`` points to work on runs on one thread.
+        """
         self.barrier()
         self._segments[-1].append(("stamp", len(self.stages)))
         _load(stamp, self.device)
         _load(barrier, self.device)
         launches = [op for s in self._segments for op in s if isinstance(op, tuple) and op[0] != "stamp"]
         largest = max((n * grain for _, n, _, grain in launches), default=0)
-        if largest < PARALLEL:
+        if largest < parallel_from:
             self.threads = 1
         while len(_workers) < self.threads - 1:
             _workers.append(_Worker())

@@ -338,7 +338,8 @@ class Certificate:
         t = tables.points_to_point
         if t.rows:
             given = [t.phase, t.offsets, t.points, x, v]
-            p.launch(join_residuals, len(t.phase), [*given, t.position_residual, t.rate_residual])
+            size = int(t.offsets.numpy()[t.rows]) // t.rows
+            p.launch(join_residuals, len(t.phase), [*given, t.position_residual, t.rate_residual], size)
         t = tables.attach
         if t.rows:
             given = [t.phase, t.points, t.weights, x, v]

@@ -111,14 +111,41 @@ def land_joins(
     if phase[c] == 0 and hi > lo + 2:
         memory = params[MEMORY] != real(0.0)
         project = params[PROJECT] != real(0.0)
-        head = points[lo]
+        head = known(points[lo])
         x0 = x[head]
-        x_mean = mean_offset(lo, hi, points, mass, x)
+        v0 = v[head]
+        w0 = w[head]
+        total = real(0.0)
+        xx = real(0.0)  # sums of m (x - x0), m (v - v0), m (w - w0); numbers, not vectors, stay in registers
+        xy = real(0.0)
+        xz = real(0.0)
+        vx = real(0.0)
+        vy = real(0.0)
+        vz = real(0.0)
+        wx = real(0.0)
+        wy = real(0.0)
+        wz = real(0.0)
+        for e in range(lo, hi):
+            i = known(points[known(e)])
+            m = mass[i]
+            dx = x[i] - x0
+            dv = v[i] - v0
+            dw = w[i] - w0
+            total += m
+            xx += m * dx[0]
+            xy += m * dx[1]
+            xz += m * dx[2]
+            vx += m * dv[0]
+            vy += m * dv[1]
+            vz += m * dv[2]
+            wx += m * dw[0]
+            wy += m * dw[1]
+            wz += m * dw[2]
+        share = real(1.0) / total
+        x_mean = vec3(xx, xy, xz) * share
         place = x0 + x_mean
-        drift = v[head] + mean_offset(lo, hi, points, mass, v)
-        drift_w = vec3()
-        if memory:
-            drift_w = w[head] + mean_offset(lo, hi, points, mass, w)
+        drift = v0 + vec3(vx, vy, vz) * share
+        drift_w = w0 + vec3(wx, wy, wz) * share
         for e in range(lo, hi):
             i = known(points[e])
             step = x_mean - (x[i] - x0)
@@ -243,7 +270,8 @@ def land(
     if (sizes == 2).any():
         program.launch(land_pairs, n, [table.phase, table.offsets, table.points, mass, params, *moved])
     if (sizes > 2).any():
-        program.launch(land_joins, n, [table.phase, table.offsets, table.points, mass, params, *moved])
+        given = [table.phase, table.offsets, table.points, mass, params]
+        program.launch(land_joins, n, [*given, *moved], int(sizes.mean()))
     if ramps:
         program.barrier()
         given = [table.offsets, table.points, ramp.paper, ramp.speed, mass, params, now.x]
