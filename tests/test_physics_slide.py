@@ -89,3 +89,50 @@ def test_without_friction_on_a_flat_sheet(name):
     run.steps([2e-3] * 200)
     assert run.x[p] == pytest.approx([0.6, 0.47, 0.0], abs=1e-10)
     assert run.v[p] == pytest.approx([1.0, 0.4, 0.0], abs=1e-10)
+
+
+@pytest.mark.parametrize("name", ["verlet", "velocity_verlet", "rk4", "midpoint"])
+@pytest.mark.parametrize("facets", [8, 32])
+def test_keeps_its_speed_around_a_prism(name, facets):
+    """A bead without forces runs around a nailed prism: no edge takes speed from it."""
+    turn = 2 * np.pi * np.arange(facets) / facets
+    ring = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    vertices = np.concatenate([np.c_[ring, -np.ones(facets)], np.c_[ring, np.ones(facets)]])
+    here, there = np.arange(facets), (np.arange(facets) + 1) % facets
+    lower, upper = np.c_[here, there, facets + here], np.c_[there, facets + there, facets + here]
+    middle = np.pi / facets
+    start = np.array([np.cos(middle) ** 2, np.cos(middle) * np.sin(middle), 0.05])
+    prism = {"type": "cloth", "name": "prism", "vertices": vertices, "triangles": np.concatenate([lower, upper])}
+    bead = {"type": "rope", "name": "bead", "points": np.stack([start, [3, 0, 0]]), "stretch_stiffness": 0.0, "mass": 1.0}
+    run = Run({
+        "integrator": name,
+        "bodies": [prism, bead | {"velocity": [-np.sin(middle), np.cos(middle), 0.0]}],
+        "constraints": [
+            {"type": "nail", "name": "held", "points": {"body": "prism", "all": True}},
+            {"type": "slide", "name": "slide", "points": {"body": "bead", "index": 0}, "on": {"body": "prism", "surface": True}},
+        ],
+    })  # fmt: skip
+    angle = 0.0
+    for _ in range(1500):
+        before = run.x[-2]
+        run.step(2e-3)
+        assert run.report.status == "ok"
+        after = run.x[-2]
+        angle += np.arctan2(before[0] * after[1] - before[1] * after[0], before[:2] @ after[:2])
+        assert np.cos(middle) - 1e-12 <= np.hypot(*after[:2]) <= 1.0 + 1e-12
+    assert abs(np.linalg.norm(run.v[-2]) - 1.0) < 1e-9
+    assert angle > 0.9 * 3.0
+
+
+@pytest.mark.parametrize("name", ["velocity_verlet", "beeman", "rk4"])
+def test_a_joint_that_pulls_points_together_has_its_angular_error_told(name):
+    run = Run({
+        "integrator": name,
+        "bodies": [
+            {"type": "rope", "name": "a", "points": [[0, 0, 0], [1, 0, 0]], "mass": 1.0, "velocity": [1.0, 0, 0]},
+            {"type": "rope", "name": "b", "points": [[0, 0.3, 0], [1, 1, 0]], "mass": 2.0},
+        ],
+        "constraints": [{"type": "points_to_point", "name": "p", "zip": [{"body": k, "index": 0} for k in "ab"]}],
+    })  # fmt: skip
+    run.step(1e-3)
+    assert run.report.momentum_error[0] < 1e-12 and run.report.momentum_error[1] > 1e-3

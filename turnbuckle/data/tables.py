@@ -75,6 +75,7 @@ class Slides(Attachments):
     domain: wp.array  # int32, which domain the row slides on
     element: wp.array  # int32, the element of the domain where it is, -1 when not known
     directions: wp.array  # mat33d, projector on the directions that are held
+    normal: wp.array  # vec3d, the held direction after the last step where it was one only, else 0
 
 
 @dataclass
@@ -152,6 +153,7 @@ def empty_table(kind: str, capacity: int, device: str, entries: int = 0) -> Tabl
             domain=_array(i32, n, device),
             element=wp.full(n, -1, dtype=i32, device=device),
             directions=_array(wp.mat33d, n, device),
+            normal=_array(vec3, n, device),
         )
     raise ValueError(f"unknown kind of constraint: {kind}")
 

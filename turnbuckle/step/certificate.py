@@ -295,11 +295,12 @@ def tiles(n: int) -> int:
 class Certificate:
     """Records the measurements of a step and reads them out."""
 
-    def __init__(self, state: State, points: int, device: str) -> None:
+    def __init__(self, state: State, points: int, device: str, finishes: bool) -> None:
         self.state = state
         self.device = device
+        self.finishes = finishes  # the scheme completes its velocities after landing
         self.points = wp.zeros((tiles(points), MEASURES), dtype=real, device=device)
-        self.before = wp.zeros((tiles(points), 6), dtype=real, device=device)
+        self.before, self.landed, self.finished = (wp.zeros((tiles(points), 6), dtype=real, device=device) for _ in range(3))
         self.maxima: dict[str, wp.array] = {}
         self.powers: dict[str, wp.array] = {}
         self.moving: set[str] = set()
@@ -309,9 +310,13 @@ class Certificate:
             self.maxima[kind] = wp.zeros((n, 2), dtype=real, device=device)
             self.powers[kind] = wp.zeros(n, dtype=real, device=device)
 
-    def record_momentum(self, p: Program, mass: wp.array, x: wp.array, v: wp.array) -> None:
-        """Record the momentum of points without external constraints before constraints are met; `record` takes it after."""
-        p.launch(internal_momentum, self.before.shape[0], [mass, self.state.external, x, v, self.before], TILE)
+    def record_momentum(self, p: Program, mass: wp.array, x: wp.array, v: wp.array, when: str) -> None:
+        """Record the momentum of points without external constraints: "before" constraints are met.
+
+        A scheme that completes its velocities in between (velocity Verlet) also has "landed" and "finished"; `record` takes
+        it at the end. What constraints change is ``(landed - before) + (end - finished)``.
+        """
+        p.launch(internal_momentum, self.before.shape[0], [mass, self.state.external, x, v, getattr(self, when)], TILE)
 
     def record(self, p: Program, mass: wp.array, x: wp.array, v: wp.array, lands_later: bool) -> None:
         """Record all measurements of the state ``(x, v)``."""
@@ -366,7 +371,8 @@ class Certificate:
         """Kinetic energy [J], gravity energy [J], sum m|v|, largest |x| and |v|; also keeps the momenta."""
         values = host(self.points)
         sums = values.sum(axis=0)
-        self._change = sums[5:] - host(self.before).sum(axis=0)
+        between = (host(self.landed) - host(self.finished)).sum(axis=0) if self.finishes else 0.0
+        self._change = sums[5:] - host(self.before).sum(axis=0) + between
         farthest, fastest = np.sqrt(values[:, 3:5].max(axis=0)).tolist()
         return (*sums[:3].tolist(), farthest, fastest)
 

@@ -89,13 +89,15 @@ class Stepper:
         scheme.predict(r)
         p.stage("constraints")
         on = scheme.landing(r)
-        self.certificate.record_momentum(p, r.mass, ahead.x, ahead.v)
+        self.certificate.record_momentum(p, r.mass, ahead.x, ahead.v, "before")
         p.barrier()
         r.land(on)
         p.barrier()
         if scheme.finishes_velocity:
+            self.certificate.record_momentum(p, r.mass, ahead.x, ahead.v, "landed")
+            p.barrier()
             scheme.finish(r)
-            self.certificate.record_momentum(p, r.mass, ahead.x, ahead.v)
+            self.certificate.record_momentum(p, r.mass, ahead.x, ahead.v, "finished")
             p.barrier()
             r.constrain_velocity(ahead.v)
         p.stage("forces")
@@ -125,7 +127,7 @@ class Stepper:
             self._layout = state.layout
             self._programs: dict[tuple[str, int], Program] = {}
             self.scratch.follow(self.model, state)
-            self.certificate = Certificate(state, self.model.points, self.model.device)
+            self.certificate = Certificate(state, self.model.points, self.model.device, self.scheme.finishes_velocity)
         c, d = scheme.response(dt)
         paper = self.model.response == "paper"
         params = host(state.params)
