@@ -13,7 +13,9 @@ def ropes(integrator: str = "verlet", count: int = 2, **more: object) -> tb.Scen
     """Ropes of 6 points side by side, no gravity unless asked for."""
     scene = tb.Scene("ropes", dt=1e-3, integrator=integrator, **{"gravity": [0.0, 0.0, 0.0], **more})
     for k in range(count):
-        scene.add_rope(f"r{k}", start=[0, 0.3 * k, 0], end=[1, 0.3 * k, 0], segments=5, mass=0.6, stretch_stiffness=200.0)
+        scene.add_rope(
+            f"r{k}", start=[0, 0.3 * k, 0], end=[1, 0.3 * k, 0], segments=5, mass=0.6, stretch_stiffness=200.0
+        )
     return scene
 
 
@@ -161,7 +163,9 @@ def test_many_added_one_by_one():
     for k in range(30):
         sim.add_constraint("nail", f"n{k}", points=at("c", 3 * k))
         if k % 3 == 0:
-            sim.add_constraint("attach", f"a{k}", points=at("c", 3 * k + 1), to={"body": "c", "elements": [[3 * k + 2, 95]]})
+            sim.add_constraint(
+                "attach", f"a{k}", points=at("c", 3 * k + 1), to={"body": "c", "elements": [[3 * k + 2, 95]]}
+            )
             sim.switch(f"a{k}", False)
         report = sim.step()
         assert report.status == "ok" and report.active["nail"] == k + 1
@@ -206,7 +210,9 @@ def test_conflicts_that_agree_are_met_together(integrator):
     scene.add_constraint("points_to_point", "bc", zip=[at("r1", 0), at("r2", 0)])
     scene.add_constraint("points_to_point", "ca", zip=[at("r2", 0), at("r0", 0)])
     scene.add_constraint("nail", "n", points=at("r0", 0))
-    scene.add_constraint("attach", "t", points=at("r1", 5), to={"body": "r0", "elements": [[4, 5]]}, weights=[[0.5, 0.5]])
+    scene.add_constraint(
+        "attach", "t", points=at("r1", 5), to={"body": "r0", "elements": [[4, 5]]}, weights=[[0.5, 0.5]]
+    )
     scene.add_constraint("points_to_point", "alone", zip=[at("r1", 3), at("r2", 3)])
     sim = tb.Simulation(scene)
     reports = [sim.step() for _ in range(60)]

@@ -103,7 +103,13 @@ def test_keeps_its_speed_around_a_prism(name, facets):
     middle = np.pi / facets
     start = np.array([np.cos(middle) ** 2, np.cos(middle) * np.sin(middle), 0.05])
     prism = {"type": "cloth", "name": "prism", "vertices": vertices, "triangles": np.concatenate([lower, upper])}
-    bead = {"type": "rope", "name": "bead", "points": np.stack([start, [3, 0, 0]]), "stretch_stiffness": 0.0, "mass": 1.0}
+    bead = {
+        "type": "rope",
+        "name": "bead",
+        "points": np.stack([start, [3, 0, 0]]),
+        "stretch_stiffness": 0.0,
+        "mass": 1.0,
+    }
     run = Run({
         "integrator": name,
         "bodies": [prism, bead | {"velocity": [-np.sin(middle), np.cos(middle), 0.0]}],

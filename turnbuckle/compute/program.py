@@ -111,7 +111,10 @@ def _load(kernel: wp.Kernel, device: str) -> None:
         _announced = True
         cache = Path(wp.config.kernel_cache_dir or "")
         if not any(cache.glob("wp_turnbuckle*")):
-            print("turnbuckle: compiling kernels for this machine (first run only, about half a minute) ...", file=sys.stderr)
+            print(
+                "turnbuckle: compiling kernels for this machine (first run only, about half a minute) ...",
+                file=sys.stderr,
+            )
     on = wp.get_device(device)
     kernel.module.load(on, block_dim=256 if on.is_cuda else 1)
 
@@ -129,7 +132,9 @@ class Program:
         self.ticks = wp.zeros(64, dtype=wp.float64, device=device)
         self.stages: list[str] = []
         self.seconds: dict[str, float] = {}
-        self._segments: list[list] = [[]]  # each: a list of (kernel, n, inputs, outputs-free) and "barrier", or [callable]
+        self._segments: list[list] = [
+            []
+        ]  # each: a list of (kernel, n, inputs, outputs-free) and "barrier", or [callable]
         self._ready: list | None = None
         self._meet = wp.zeros(32, dtype=int, device="cpu")
 

@@ -208,7 +208,7 @@ def _refuse(model: Model, point: int, first: str, second: str) -> None:
     where = f"point {point - shape.begin} of '{shape.name}'" if shape else f"point {point}"
     raise ConflictError(
         f"constraints '{first}' and '{second}' both hold {where}; switch one off, move one to another point, "
-        'or set conflicts: solve'
+        "or set conflicts: solve"
     )
 
 

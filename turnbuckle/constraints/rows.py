@@ -11,7 +11,9 @@ from turnbuckle.data.tables import OFF, Attachments, Joins, Slides, Table
 KINDS = ("nail", "points_to_point", "attach", "slide", "velocity")
 
 
-def collect(state: State, h: float, only: int | None = None, start: np.ndarray | None = None, drift: str = "mean") -> Rows:
+def collect(
+    state: State, h: float, only: int | None = None, start: np.ndarray | None = None, drift: str = "mean"
+) -> Rows:
     """Rows of all constraints that act (of those in the phase ``only``), for a step of ``h``.
 
     ``start``: positions at the start of the interval that is landed on, those of the state when left out. ``drift``: how

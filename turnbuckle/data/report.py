@@ -17,7 +17,10 @@ class StepReport:
     ramping: int = 0  # constraints in gradual activation
     settling: bool = False  # explicit Euler, first step of new constraints: residuals say nothing yet
     broken: list[str] = field(default_factory=list)  # constraints that broke in this step
-    momentum_error: tuple[float, float] = (0.0, 0.0)  # change by internal constraints: linear over sum m|v|, angular over that times the largest |x|
+    momentum_error: tuple[float, float] = (
+        0.0,
+        0.0,
+    )  # change by internal constraints: linear over sum m|v|, angular over that times the largest |x|
     energies: dict[str, float] = field(default_factory=dict)  # kinetic, elastic, gravity, work, dissipation [J]
     iterations: dict[str, int] = field(default_factory=dict)  # by solver
     rounds: int = 0  # of constraint manifold refinement

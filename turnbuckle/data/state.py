@@ -54,11 +54,16 @@ class State:
     work: float = 0.0  # done by nails, velocity goals and force fields so far [J]
     dissipation: float = 0.0  # lost to damping so far [J]
     dissipation_power: float = 0.0  # of damping at the committed state [W]
+    field_power: float = 0.0  # of force fields at the committed state [W]
     energies: dict[str, float] = field(default_factory=dict)  # of the committed state [J]
     groups: dict[str, Group] = field(default_factory=dict)  # constraints by name
     group_count: int = 0  # groups ever added
-    scene_groups: int = 0  # of them, those that the scene defines (numbers 1 to scene_groups); the others were added live
-    owner: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))  # (points, 2): number and row of the group that holds it
+    scene_groups: int = (
+        0  # of them, those that the scene defines (numbers 1 to scene_groups); the others were added live
+    )
+    owner: np.ndarray = field(
+        default_factory=lambda: np.zeros((0, 2), dtype=np.int64)
+    )  # (points, 2): number and row of the group that holds it
     domain_use: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int32))  # slides acting over each point
     nailed: wp.array | None = None  # (points,) int32, the nail row that holds each point, -1 without
     external: wp.array | None = None  # (points,) uint8, 1 where a nail or velocity goal acts

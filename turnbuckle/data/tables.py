@@ -123,7 +123,9 @@ def empty_table(kind: str, capacity: int, device: str, entries: int = 0) -> Tabl
     common = {
         "rows": 0,
         "phase": wp.full(n, -1, dtype=i32, device=device),
-        "ramp": Ramp(_array(i32, n, device), _array(wp.uint8, n, device), wp.full(n, UNLIMITED, dtype=f64, device=device)),
+        "ramp": Ramp(
+            _array(i32, n, device), _array(wp.uint8, n, device), wp.full(n, UNLIMITED, dtype=f64, device=device)
+        ),
         "limit": wp.full(n, UNLIMITED, dtype=f64, device=device),
         "force": _array(vec3, n, device),
         "position_residual": _array(f64, n, device),
@@ -142,7 +144,10 @@ def empty_table(kind: str, capacity: int, device: str, entries: int = 0) -> Tabl
     if kind == "points_to_point":
         e = max(entries, 1)
         return Joins(
-            **common, offsets=_array(i32, n + 1, device), points=_array(i32, e, device), point_force=_array(vec3, e, device)
+            **common,
+            offsets=_array(i32, n + 1, device),
+            points=_array(i32, e, device),
+            point_force=_array(vec3, e, device),
         )
     if kind == "attach":
         return Attachments(**common, **placed)
@@ -166,7 +171,9 @@ def grown(table: Table, kind: str, rows: int, entries: int, device: str) -> Tabl
         for column in fields(old_columns):
             old = getattr(old_columns, column.name)
             if isinstance(old, wp.array):
-                wp.copy(getattr(new_columns, column.name), old, count=old.shape[0] * (old.shape[1] if old.ndim > 1 else 1))
+                wp.copy(
+                    getattr(new_columns, column.name), old, count=old.shape[0] * (old.shape[1] if old.ndim > 1 else 1)
+                )
     return new
 
 

@@ -83,4 +83,3 @@ class Beeman(Scheme):
         r.forces(ahead.x, ahead.v, ahead.force, 1.0)
         given = [r.mass, r.params, now.v, r.scratch("a1"), now.memory, ahead.force, r.scratch("v_predicted")]
         r.launch(finish, [*given, wp.float64(r.paper), ahead.v, ahead.memory])
-

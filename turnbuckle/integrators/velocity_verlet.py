@@ -67,4 +67,3 @@ class VelocityVerlet(Scheme):
         r.forces(ahead.x, ahead.v, ahead.force, 1.0)
         given = [r.mass, r.params, now.v, now.force, ahead.force, r.scratch("v_predicted")]
         r.launch(finish, [*given, ahead.v])
-

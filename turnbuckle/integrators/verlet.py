@@ -39,9 +39,7 @@ def predict(
 
 
 @wp.kernel
-def carry_over(
-    begin: int, a: wp.array(dtype=vec3), params: wp.array(dtype=real), w: wp.array(dtype=vec3)
-):
+def carry_over(begin: int, a: wp.array(dtype=vec3), params: wp.array(dtype=real), w: wp.array(dtype=vec3)):
     """``w`` for the step H from the one for the step before: ``w + (h_before - h) / 2 a``."""
     i = known(begin + wp.tid())
     w[i] = w[i] + a[i] * (real(0.5) * (params[PREVIOUS_H] - params[H]))

@@ -30,7 +30,9 @@ def build(definition: SceneDef, folder: Path, device: str = "cpu") -> tuple[Mode
     try:
         wp.get_device(device)
     except (ValueError, RuntimeError) as error:
-        raise InputError(f"device '{device}' is not there ({error}); use 'cpu', or 'cuda:0' with an NVIDIA driver") from None
+        raise InputError(
+            f"device '{device}' is not there ({error}); use 'cpu', or 'cuda:0' with an NVIDIA driver"
+        ) from None
     if not definition.bodies:
         raise InputError(f"scene '{definition.name}' has no bodies; add one")
     bodies = [build_body(d, folder) for d in definition.bodies]
@@ -38,7 +40,9 @@ def build(definition: SceneDef, folder: Path, device: str = "cpu") -> tuple[Mode
     x = np.concatenate([b.x for b in bodies])
     mass = np.concatenate([b.mass for b in bodies])
     springs = _springs(bodies, begins, x)
-    corners = np.concatenate([b.tetrahedra + begin for b, begin in zip(bodies, begins[:-1], strict=True)]).astype(np.int32)
+    corners = np.concatenate([b.tetrahedra + begin for b, begin in zip(bodies, begins[:-1], strict=True)]).astype(
+        np.int32
+    )
     material = np.repeat(np.arange(len(bodies)), [len(b.tetrahedra) for b in bodies]).astype(np.int32)
     materials = np.array([b.material for b in bodies], dtype=np.float64)
     tets, owns_edge, owns_triangle = make_tetrahedra(corners, material, materials, x)
@@ -96,7 +100,9 @@ def _springs(bodies: list[Body], begins: np.ndarray, x: np.ndarray) -> Springs:
         flat = np.linalg.norm(x[body.pairs[:, 1] + begin] - x[body.pairs[:, 0] + begin], axis=1) == 0.0
         if flat.any():
             a, b = body.pairs[np.argmax(flat)]
-            raise InputError(f"body '{body.name}': points {a} and {b} are joined by a spring but lie in one place; merge them")
+            raise InputError(
+                f"body '{body.name}': points {a} and {b} are joined by a spring but lie in one place; merge them"
+            )
     stiffness = np.concatenate([b.stiffness for b in bodies])
     damping = np.concatenate([b.damping for b in bodies])
     return Springs(pairs, length, stiffness * length**2, damping * length**2)

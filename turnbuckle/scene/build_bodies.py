@@ -74,7 +74,9 @@ def _lumped(n: int, elements: np.ndarray, measure: np.ndarray, definition: objec
     mass = np.bincount(elements.ravel(), weights=share, minlength=n) * total
     loose = np.flatnonzero(mass == 0.0)
     if len(loose):
-        raise InputError(f"point {loose[0]} (one of {len(loose)}) belongs to no element and would have no mass; remove it")
+        raise InputError(
+            f"point {loose[0]} (one of {len(loose)}) belongs to no element and would have no mass; remove it"
+        )
     return mass
 
 
@@ -206,7 +208,9 @@ def _solid(d: SolidDef, folder: Path) -> Body:
         if d.mass is None:
             mass /= filled
         if abs(filled - 1.0) > FILLED:
-            notes.append(f"tetrahedra fill {100.0 * filled:.1f} % of the surface; a smaller edge_length follows it closer")
+            notes.append(
+                f"tetrahedra fill {100.0 * filled:.1f} % of the surface; a smaller edge_length follows it closer"
+            )
     if not report.clean:
         notes.append(report.summary())
     shape = Shape(
@@ -216,7 +220,14 @@ def _solid(d: SolidDef, folder: Path) -> Body:
     material = (d.k_distance, d.k_area, d.k_volume, d.damping_distance, d.damping_area, d.damping_volume)
     repairs = f"{d.name}: {'; '.join(notes)}" if notes else ""
     return Body(
-        d.name, x, mass, d.velocity, shape, tetrahedra=np.asarray(cells, dtype=np.int32), material=material, repairs=repairs
+        d.name,
+        x,
+        mass,
+        d.velocity,
+        shape,
+        tetrahedra=np.asarray(cells, dtype=np.int32),
+        material=material,
+        repairs=repairs,
     )
 
 

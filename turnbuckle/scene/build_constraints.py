@@ -114,7 +114,9 @@ def _points(model: Model, state: State, selections: Sequence[PointsDef], name: s
     values, first = np.unique(points, return_index=True)
     if len(values) < len(points):
         twice = np.setdiff1d(np.arange(len(points)), first)[0]
-        raise InputError(f"constraint '{name}': two selections take the same point ({points[twice]}); name each point once")
+        raise InputError(
+            f"constraint '{name}': two selections take the same point ({points[twice]}); name each point once"
+        )
     return points
 
 
@@ -140,7 +142,9 @@ def _joins(model: Model, state: State, d: PointsToPointDef) -> Group:
         columns = [_points(model, state, [s], d.name) for s in d.zip]
         if len({len(c) for c in columns}) > 1:
             counts = ", ".join(str(len(c)) for c in columns)
-            raise InputError(f"constraint '{d.name}': zip joins selections point by point, but they have {counts} points")
+            raise InputError(
+                f"constraint '{d.name}': zip joins selections point by point, but they have {counts} points"
+            )
         sizes = np.full(len(columns[0]), len(columns))
         points = np.stack(columns, axis=1).ravel()
     elif d.join is not None:

@@ -162,5 +162,7 @@ def _goal(goal: Any, count: int, name: str, field: str) -> Goal:
     fixed = np.atleast_2d(goal)
     if fixed.shape not in ((1, 3), (count, 3)):
         shapes = "(3,)" if count == 1 else f"(3,) or ({count}, 3)"
-        raise InputError(f"constraint {name!r}: goal has shape {np.shape(goal)}; for {count} points give shape {shapes}")
+        raise InputError(
+            f"constraint {name!r}: goal has shape {np.shape(goal)}; for {count} points give shape {shapes}"
+        )
     return FixedGoal(np.broadcast_to(fixed, (count, 3)).copy())

@@ -25,7 +25,9 @@ def distance(p: np.ndarray, corners: np.ndarray) -> np.ndarray:
     best = np.full(len(p), np.inf)
     for a, b in ((0, 1),) if corners.shape[1] == 2 else ((0, 1), (1, 2), (2, 0)):
         d = corners[:, b] - corners[:, a]
-        t = np.clip(np.einsum("nd,nd->n", p - corners[:, a], d) / np.maximum(np.einsum("nd,nd->n", d, d), 1e-300), 0.0, 1.0)
+        t = np.clip(
+            np.einsum("nd,nd->n", p - corners[:, a], d) / np.maximum(np.einsum("nd,nd->n", d, d), 1e-300), 0.0, 1.0
+        )
         best = np.minimum(best, np.linalg.norm(p - corners[:, a] - t[:, None] * d, axis=1))
     return np.where(inside, np.minimum(gap, best), best)
 

@@ -12,7 +12,9 @@ from turnbuckle.math.lanes import CPU_LANES, CUDA_LANES, algebra
 WINDOW = 160  # tetrahedra that may change places to bring like masks together; small, so that neighbours stay near
 
 
-def unique_elements(corners: np.ndarray, local: tuple[tuple[int, ...], ...], points: int) -> tuple[np.ndarray, np.ndarray]:
+def unique_elements(
+    corners: np.ndarray, local: tuple[tuple[int, ...], ...], points: int
+) -> tuple[np.ndarray, np.ndarray]:
     """Edges or triangles of tetrahedra, each once.
 
     Returns the elements (m, k) int32, and (n, len(local)) int64: the element's number where the tetrahedron is the first
@@ -126,7 +128,9 @@ def _blocks(material: np.ndarray, mask: np.ndarray, lanes: int) -> np.ndarray:
     return out
 
 
-def _slots(points: int, pairs: np.ndarray, corners: np.ndarray, order: np.ndarray, lanes: int) -> tuple[np.ndarray, np.ndarray]:
+def _slots(
+    points: int, pairs: np.ndarray, corners: np.ndarray, order: np.ndarray, lanes: int
+) -> tuple[np.ndarray, np.ndarray]:
     """For each point, where the forces of its elements lie; a spring's force is that on its second point."""
     place = np.flatnonzero(order >= 0)
     block, lane = place // lanes, place % lanes

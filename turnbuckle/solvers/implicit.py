@@ -58,9 +58,7 @@ class ImplicitSolver:
         mass = self.model.mass
         room = ROOM * mass / (beta * h * h)
         parts = [jacobians(e, v, room) for e in all_elements(self.model, x)]
-        a = self.pattern.matrix(
-            np.repeat(mass, 3), [-alpha * h * d - beta * h * h * k for k, d in parts]
-        )
+        a = self.pattern.matrix(np.repeat(mass, 3), [-alpha * h * d - beta * h * h * k for k, d in parts])
         b = force.ravel().copy()
         if push != 0.0:
             stiffness = self.pattern.matrix(np.zeros(3 * len(mass)), [k for k, _ in parts])
@@ -68,7 +66,9 @@ class ImplicitSolver:
         if rows is None or len(rows.target) == 0:
             return Factor(a).solve(b).reshape(-1, 3), np.zeros((0, 3))
         wanted = (rows.target - rows.weights @ free) / (beta * h * h)
-        if self.model.conflicts == "solve":  # what rows can agree on; e alone would answer a contradiction with a huge force
+        if (
+            self.model.conflicts == "solve"
+        ):  # what rows can agree on; e alone would answer a contradiction with a huge force
             wanted = rows.weights @ agreed(rows, mass, wanted)
         return self._with_rows(a, b, rows, wanted)
 

@@ -9,7 +9,7 @@ import numpy as np
 import warp as wp
 
 from turnbuckle.compute import Program, host
-from turnbuckle.data.state import GRAVITY, State
+from turnbuckle.data.state import GRAVITY, INVERSE_H, State
 from turnbuckle.data.tables import ENTRIES
 from turnbuckle.math.index import known
 from turnbuckle.math.types import real, vec3
@@ -183,15 +183,21 @@ def tile_powers(
     begin: int,
     phase: wp.array(dtype=wp.int32),
     force: wp.array(dtype=vec3),
-    rate: wp.array(dtype=vec3),
+    goal: wp.array(dtype=vec3),
+    goal_now: wp.array(dtype=vec3),
+    speeds: int,
+    params: wp.array(dtype=real),
     tile_out: wp.array(dtype=real),
 ):
-    """The power of nails or velocity goals, ``sum F . rate`` of each tile [W]."""
+    """The mean power over the step of nails (``speeds`` 0) or velocity goals (1) of each tile, force times the goal's way [W]."""
     t = known(begin + wp.tid())
     total = real(0.0)
     for c in range(t * TILE, wp.min((t + 1) * TILE, phase.shape[0])):
         if phase[c] != -1:
-            total += wp.dot(force[c], rate[c])
+            if speeds != 0:
+                total += real(0.5) * wp.dot(force[c], goal[c] + goal_now[c])
+            else:
+                total += wp.dot(force[c], goal[c] - goal_now[c]) * params[INVERSE_H]
     tile_out[t] = total
 
 
@@ -300,7 +306,9 @@ class Certificate:
         self.device = device
         self.finishes = finishes  # the scheme completes its velocities after landing
         self.points = wp.zeros((tiles(points), MEASURES), dtype=real, device=device)
-        self.before, self.landed, self.finished = (wp.zeros((tiles(points), 6), dtype=real, device=device) for _ in range(3))
+        self.before, self.landed, self.finished = (
+            wp.zeros((tiles(points), 6), dtype=real, device=device) for _ in range(3)
+        )
         self.maxima: dict[str, wp.array] = {}
         self.powers: dict[str, wp.array] = {}
         self.moving: set[str] = set()
@@ -339,7 +347,8 @@ class Certificate:
             given = [t.phase, t.point, goal, t.rate, int("nail" in moving), x, v]
             p.launch(nail_residuals, len(t.phase), [*given, t.position_residual, t.rate_residual])
         if "nail" in moving:
-            p.launch(tile_powers, tiles(len(t.phase)), [t.phase, t.force, t.rate, self.powers["nail"]], TILE)
+            given = [t.phase, t.force, t.goal, t.goal_now, 0, self.state.params]
+            p.launch(tile_powers, tiles(len(t.phase)), [*given, self.powers["nail"]], TILE)
         t = tables.points_to_point
         if t.rows:
             given = [t.phase, t.offsets, t.points, x, v]
@@ -356,7 +365,8 @@ class Certificate:
         t = tables.velocity
         if t.rows:
             p.launch(velocity_residuals, len(t.phase), [t.phase, t.point, t.goal, v, t.rate_residual])
-            p.launch(tile_powers, tiles(len(t.phase)), [t.phase, t.force, t.goal, self.powers["velocity"]], TILE)
+            given = [t.phase, t.force, t.goal, t.goal_now, 1, self.state.params]
+            p.launch(tile_powers, tiles(len(t.phase)), [*given, self.powers["velocity"]], TILE)
 
     def residuals(self, kind: str) -> tuple[float, float]:
         """Largest position residual [m] and rate residual [m/s] of fully active rows of a kind."""

@@ -128,7 +128,9 @@ class StepRecorder:
             if not np.isfinite(value).all():
                 first = points[int(np.argmin(np.isfinite(value).all(axis=1)))]
                 where = ", ".join(f"{c:.6g}" for c in positions[first])
-                raise FloatingPointError(f"force '{f.name}' is not finite at t = {t:g} s on point {first} at ({where}) m")
+                raise FloatingPointError(
+                    f"force '{f.name}' is not finite at t = {t:g} s on point {first} at ({where}) m"
+                )
             total[points] += value
             power += float(np.einsum("nd,nd->", value, velocities[points]))
         self.work.field_power = power
@@ -184,7 +186,9 @@ class StepRecorder:
     def land(self, on: Kinematics) -> None:
         """Record the one exact pass over all constraints: positions, then velocities."""
         p, t, mass = self.program, self.state.tables, self.mass
-        now = self.ahead if SCHEMES[self.model.integrator].lands_later else self.now  # where the interval landed on starts
+        now = (
+            self.ahead if SCHEMES[self.model.integrator].lands_later else self.now
+        )  # where the interval landed on starts
         ramped = {g.kind for g in self.state.groups.values() if g.ramp_steps > 0}
         if t.nail.rows:
             moving = any(g.moving for g in self.state.groups.values() if g.kind == "nail")
@@ -299,7 +303,9 @@ class StepRecorder:
                 work.newton_first = moves
             work.newton_last = 0.0 if last is None else moves
             if iteration == last and not moves <= 0.1 * max(work.newton_first, 1e-8 * self.model.size):
-                raise FloatingPointError(f"Newton's method does not settle: after {last + 1} iterations it moves {moves:.1e} m")
+                raise FloatingPointError(
+                    f"Newton's method does not settle: after {last + 1} iterations it moves {moves:.1e} m"
+                )
 
         self.program.host(solve)
 

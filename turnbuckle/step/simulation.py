@@ -97,7 +97,12 @@ class Simulation:
         group = find_group(self.state, constraint)
         if isinstance(goal, Mapping):
             goal = validate(KeyframesDef, goal, f"goal of '{constraint}'", {"folder": self.scene.folder})
-        if not callable(goal) and not isinstance(goal, KeyframesDef) and goal is not None and not np.isfinite(goal).all():
+        if (
+            not callable(goal)
+            and not isinstance(goal, KeyframesDef)
+            and goal is not None
+            and not np.isfinite(goal).all()
+        ):
             raise InputError(f"constraint '{constraint}': the goal has numbers that are not finite: {goal}")
         new = goal_of(goal, group, self.state)
         retarget(self.state, constraint, new, new.moves)

@@ -64,6 +64,7 @@ class Stepper:
             if state.stale:
                 self._program("evaluate").run()
                 state.dissipation_power = self._damping_power()
+                state.field_power = self.scratch.field_power
             elif dt != state.dt:
                 if scheme.lands_later:
                     aim_again(state, dt)
@@ -157,7 +158,9 @@ class Stepper:
         power = self._damping_power()
         state.dissipation += 0.5 * dt * (power + state.dissipation_power)
         state.dissipation_power = power
-        state.work += dt * (self.certificate.power() + self.scratch.field_power)
+        fields = self.scratch.field_power
+        state.work += dt * (self.certificate.power() + 0.5 * (state.field_power + fields))
+        state.field_power = fields
         state.now, self._ahead = self._ahead, state.now
         state.time += dt
         state.steps += 1
@@ -204,7 +207,9 @@ class Stepper:
         report.ramping = int(sum((t.phase.numpy() > 0).sum() for t in ramped))
         settling = scheme.lands_later and (state.activated or report.ramping < self._ramping)
         allowed = TOLERANCE * self.model.size + ROUND_OFF * farthest
-        allowed_rate = TOLERANCE * max(self.model.size, fastest) + ROUND_OFF * (farthest / dt if scheme.lands_later else 0.0)
+        allowed_rate = TOLERANCE * max(self.model.size, fastest) + ROUND_OFF * (
+            farthest / dt if scheme.lands_later else 0.0
+        )
         for kind in report.active:
             position, rate = self.certificate.residuals(kind)
             report.position_residual[kind], report.rate_residual[kind] = position, rate

@@ -133,7 +133,14 @@ def project_nails(
 
 
 def land(
-    program: Program, table: Nails, mass: wp.array, params: wp.array, now: Kinematics, ahead: Kinematics, ramps: bool, moving: bool
+    program: Program,
+    table: Nails,
+    mass: wp.array,
+    params: wp.array,
+    now: Kinematics,
+    ahead: Kinematics,
+    ramps: bool,
+    moving: bool,
 ) -> None:
     """Record the one exact pass over all nails; ``ramps``: some may be in gradual activation; ``moving``: have moving goals."""
     n, ramp = len(table.phase), table.ramp

@@ -24,6 +24,7 @@ from turnbuckle.math.types import real, vec3
 
 wp.set_module_options({"enable_backward": False})
 
+
 @wp.func
 def slide_sum(
     c: int, count: int, points: wp.array2d(dtype=wp.int32), weights: wp.array2d(dtype=real), y: wp.array(dtype=vec3)

@@ -42,7 +42,9 @@ def upload(domains: list[Domain], x: wp.array, device: str) -> Surfaces:
     surfaces = Surfaces(
         len(domains),
         wp.array(stacked, dtype=wp.int32, device=device),
-        wp.array(np.concatenate([*(d.rim for d in domains), np.zeros(0)]).astype(np.int32), dtype=wp.int32, device=device),
+        wp.array(
+            np.concatenate([*(d.rim for d in domains), np.zeros(0)]).astype(np.int32), dtype=wp.int32, device=device
+        ),
         wp.array(first, dtype=wp.int32, device=device),
         *boxes,
         None,
@@ -103,7 +105,12 @@ def element_place(e: int, weights: vec3, elements: wp.array2d(dtype=wp.int32), x
 
 @wp.func
 def held_directions(
-    p: vec3, e: int, weights: vec3, elements: wp.array2d(dtype=wp.int32), rim: wp.array(dtype=wp.int32), x: wp.array(dtype=vec3)
+    p: vec3,
+    e: int,
+    weights: vec3,
+    elements: wp.array2d(dtype=wp.int32),
+    rim: wp.array(dtype=wp.int32),
+    x: wp.array(dtype=vec3),
 ):
     """Projector on the directions that are held at the closest point (see the head of this file)."""
     every = wp.identity(n=3, dtype=real)

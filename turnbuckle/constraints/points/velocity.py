@@ -91,13 +91,17 @@ def project_velocities(
     force_out[c] = f
 
 
-def land(program: Program, table: Velocities, mass: wp.array, params: wp.array, now: Kinematics, ahead: Kinematics) -> None:
+def land(
+    program: Program, table: Velocities, mass: wp.array, params: wp.array, now: Kinematics, ahead: Kinematics
+) -> None:
     """Record the one exact pass over all velocity goals."""
     given = [table.point, table.goal, table.goal_now, mass, params, now.x, now.v, table.phase, table.ramp.step]
     program.launch(land_velocities, len(table.phase), [*given, ahead.x, ahead.v, ahead.memory, table.force])
 
 
-def project(program: Program, table: Velocities, params: wp.array, mass: wp.array, y: wp.array, force_out: wp.array) -> None:
+def project(
+    program: Program, table: Velocities, params: wp.array, mass: wp.array, y: wp.array, force_out: wp.array
+) -> None:
     """Record the projection of accelerations ``y`` onto the rate of the goals (`params[0]` is the step)."""
     given = [table.point, table.phase, table.goal, table.goal_now, params, mass, y]
     program.launch(project_velocities, len(table.phase), [*given, force_out])
