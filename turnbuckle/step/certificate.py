@@ -64,9 +64,9 @@ def join_residuals(
     p = real(0.0)
     r = real(0.0)
     if phase[c] == 0 or phase[c] == -2:
-        for e in range(offsets[c] + 1, offsets[c + 1]):
-            i = known(points[e])
-            j = known(points[e - 1])
+        for e in range(known(offsets[c]) + 1, offsets[c + 1]):
+            i = known(points[known(e)])
+            j = known(points[known(e - 1)])
             p = wp.max(p, wp.length_sq(x[i] - x[j]))
             r = wp.max(r, wp.length_sq(v[i] - v[j]))
     position_out[c] = p
@@ -171,7 +171,8 @@ def tile_maxima(
     t = known(begin + wp.tid())
     p = real(0.0)
     r = real(0.0)
-    for c in range(t * TILE, wp.min((t + 1) * TILE, position.shape[0])):
+    for n in range(t * TILE, wp.min((t + 1) * TILE, position.shape[0])):
+        c = known(n)
         p = wp.where(position[c] <= p, p, position[c])
         r = wp.where(rate[c] <= r, r, rate[c])
     tile_out[t, 0] = p
@@ -218,7 +219,8 @@ def internal_momentum(
     lx = real(0.0)
     ly = real(0.0)
     lz = real(0.0)
-    for i in range(t * TILE, wp.min((t + 1) * TILE, mass.shape[0])):
+    for n in range(t * TILE, wp.min((t + 1) * TILE, mass.shape[0])):
+        i = known(n)
         m = wp.where(external[i] == wp.uint8(0), mass[i], real(0.0))
         mv = v[i] * m
         spin = wp.cross(x[i], mv)
@@ -261,7 +263,8 @@ def measure_points(
     lx = real(0.0)
     ly = real(0.0)
     lz = real(0.0)
-    for i in range(t * TILE, wp.min((t + 1) * TILE, mass.shape[0])):
+    for n in range(t * TILE, wp.min((t + 1) * TILE, mass.shape[0])):
+        i = known(n)
         m = mass[i]
         xi = x[i]
         vi = v[i]
