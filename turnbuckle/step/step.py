@@ -4,7 +4,6 @@ import math
 import time
 
 import numpy as np
-import warp as wp
 
 from turnbuckle.compute import Program, host
 from turnbuckle.constraints.activation import break_rows, update_windows
@@ -234,8 +233,3 @@ class Stepper:
             status="failed", messages=[f"{what}; the last good state stands: {advice}"], time=self.state.time, dt=dt,
             energies=dict(self.state.energies),
         )  # fmt: skip
-
-
-def synchronise(model: Model) -> None:
-    """Wait until the device has finished."""
-    wp.synchronize_device(model.device)

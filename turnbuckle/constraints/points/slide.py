@@ -16,6 +16,7 @@ force (see `land`). Where the closest place is, `slide_search.py` finds.
 import warp as wp
 
 from turnbuckle.compute import Program
+from turnbuckle.constraints.points.attach import weighted_sum
 from turnbuckle.constraints.points.ramp import advance, kept_fraction
 from turnbuckle.constraints.points.slide_search import Surfaces, element_place, held_directions
 from turnbuckle.data.state import ADD, D_OVER_C, INVERSE_C, MEMORY, PROJECT, H, Kinematics
@@ -23,18 +24,6 @@ from turnbuckle.data.tables import Slides
 from turnbuckle.math.types import real, vec3
 
 wp.set_module_options({"enable_backward": False})
-
-
-@wp.func
-def slide_sum(
-    c: int, count: int, points: wp.array2d(dtype=wp.int32), weights: wp.array2d(dtype=real), y: wp.array(dtype=vec3)
-):
-    """``sum_k w_k y_k`` by differences from the point itself."""
-    first = y[points[c, 0]]
-    total = vec3()
-    for k in range(1, count):
-        total += weights[c, k] * (y[points[c, k]] - first)
-    return total
 
 
 @wp.func
@@ -90,12 +79,12 @@ def land_slides(
     memory = params[MEMORY] != real(0.0)
     project = params[PROJECT] != real(0.0)
     flexibility = slide_inverse_mass(c, k_end, points, weights, mass, nailed)
-    gap = slide_sum(c, k_end, points, weights, x)
+    gap = weighted_sum(c, k_end, points, weights, x)
     wanted = vec3()
     closing = vec3()
     if n > 0:
         paper = ramp_paper[c]
-        gap_now = slide_sum(c, k_end, points, weights, x_now)
+        gap_now = weighted_sum(c, k_end, points, weights, x_now)
         kept = kept_fraction(n, ramp_step[c], paper, ramp_speed[c], wp.length(gap_now), h)
         advance(c, kept, phase, ramp_step)
         if kept > real(0.0):
@@ -204,7 +193,7 @@ def guide_slides(
         return
     k_end = count[c]
     flexibility = slide_inverse_mass(c, k_end, points, weights, mass, nailed)
-    u = slide_sum(c, k_end, points, weights, y)
+    u = weighted_sum(c, k_end, points, weights, y)
     change = directions[c] * (closing[c] - u)
     n1 = normal[c]
     n2 = single_normal(directions[c])
@@ -254,7 +243,7 @@ def project_slides(
     if phase[c] == 0:
         k_end = count[c]
         flexibility = slide_inverse_mass(c, k_end, points, weights, mass, nailed)
-        push = directions[c] * (-slide_sum(c, k_end, points, weights, y) / flexibility)
+        push = directions[c] * (-weighted_sum(c, k_end, points, weights, y) / flexibility)
         for k in range(k_end):
             i = points[c, k]
             if nailed[i] < 0:
