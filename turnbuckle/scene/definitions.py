@@ -42,14 +42,44 @@ from turnbuckle.scene.constraint_definitions import (
     VelocityDef,
 )
 from turnbuckle.scene.expression import compile_expression
-from turnbuckle.scene.fields import Name, NonNegative, Positive, Text, Vec3
+from turnbuckle.scene.fields import Count, Name, NonNegative, Positive, Text, Vec3
+from turnbuckle.scene.joint_definitions import (
+    AngleDef,
+    AxialDef,
+    BodyPairDef,
+    CurveDef,
+    JointDef,
+    MotorDef,
+    PlanarDef,
+    SphereDomainDef,
+    SurfaceDef,
+    TwistDef,
+)
+from turnbuckle.scene.named_joints import (
+    BallDef,
+    ConeTwistDef,
+    CylindricalDef,
+    DistanceDef,
+    NamedJointDef,
+    PlanarJointDef,
+    PointToRingDef,
+    PrismaticDef,
+    RevoluteDef,
+    RollingDef,
+    UniversalDef,
+    WeldDef,
+)
+from turnbuckle.scene.rigid_definitions import PartDef, RigidDef, RoundDef, TrajectoryDef
 from turnbuckle.scene.suggestion import did_you_mean
 
 __all__ = [
-    "AttachDef", "AttachToDef", "BodyBase", "BodyDef", "BoxDef", "ClothDef", "CoincidentDef", "ConstraintBase",
-    "ConstraintDef", "CylinderDef", "ForceDef", "INTEGRATORS", "KeyframesDef", "NailDef", "NetDef", "PointRef",
-    "PointsDef", "PointsToPointDef", "RampDef", "RopeDef", "SceneDef", "SheetDef", "SlideDef", "SlideOnDef",
-    "SolidDef", "VelocityDef",
+    "AngleDef", "AttachDef", "AttachToDef", "AxialDef", "BallDef", "BodyBase", "BodyDef", "BodyPairDef", "BoxDef",
+    "ClothDef", "CoincidentDef", "ConeTwistDef", "ConstraintBase", "ConstraintDef", "CurveDef", "CylinderDef",
+    "CylindricalDef", "DisplacementDef", "DistanceDef", "ForceDef", "INTEGRATORS", "JOINTS", "JointDef", "KeyframesDef",
+    "MotorDef", "NailDef", "NamedJointDef", "NetDef", "PartDef", "PlanarDef", "PlanarJointDef", "PointRef",
+    "PointToRingDef", "PointsDef", "PointsToPointDef", "PrismaticDef", "RampDef", "RevoluteDef", "RigidDef",
+    "RollingDef", "RopeDef", "RoundDef", "SceneDef", "SheetDef", "SlideDef", "SlideOnDef", "SolidDef",
+    "SphereDomainDef", "SurfaceDef", "TrajectoryDef", "TwistDef", "UniversalDef", "VelocityDef", "WeldDef",
 ]  # fmt: skip
 
 Integrator = Literal[
@@ -66,11 +96,27 @@ def _type_of(value: Any) -> str | None:
     return f"<{kind}>" if isinstance(kind, str) else None
 
 
+JOINTS: dict[str, type[BodyPairDef]] = {
+    "joint": JointDef,
+    "ball": BallDef,
+    "revolute": RevoluteDef,
+    "universal": UniversalDef,
+    "prismatic": PrismaticDef,
+    "cylindrical": CylindricalDef,
+    "planar": PlanarJointDef,
+    "weld": WeldDef,
+    "distance": DistanceDef,
+    "cone_twist": ConeTwistDef,
+    "point_to_ring": PointToRingDef,
+    "rolling": RollingDef,
+}
+
 BodyDef = Annotated[
     Annotated[RopeDef, Tag("<rope>")]
     | Annotated[NetDef, Tag("<net>")]
     | Annotated[ClothDef, Tag("<cloth>")]
-    | Annotated[SolidDef, Tag("<solid>")],
+    | Annotated[SolidDef, Tag("<solid>")]
+    | Annotated[RigidDef, Tag("<rigid>")],
     Discriminator(_type_of),
 ]
 ConstraintDef = Annotated[
@@ -78,7 +124,19 @@ ConstraintDef = Annotated[
     | Annotated[PointsToPointDef, Tag("<points_to_point>")]
     | Annotated[AttachDef, Tag("<attach>")]
     | Annotated[SlideDef, Tag("<slide>")]
-    | Annotated[VelocityDef, Tag("<velocity>")],
+    | Annotated[VelocityDef, Tag("<velocity>")]
+    | Annotated[JointDef, Tag("<joint>")]
+    | Annotated[BallDef, Tag("<ball>")]
+    | Annotated[RevoluteDef, Tag("<revolute>")]
+    | Annotated[UniversalDef, Tag("<universal>")]
+    | Annotated[PrismaticDef, Tag("<prismatic>")]
+    | Annotated[CylindricalDef, Tag("<cylindrical>")]
+    | Annotated[PlanarJointDef, Tag("<planar>")]
+    | Annotated[WeldDef, Tag("<weld>")]
+    | Annotated[DistanceDef, Tag("<distance>")]
+    | Annotated[ConeTwistDef, Tag("<cone_twist>")]
+    | Annotated[PointToRingDef, Tag("<point_to_ring>")]
+    | Annotated[RollingDef, Tag("<rolling>")],
     Discriminator(_type_of),
 ]
 
@@ -109,11 +167,38 @@ class ForceDef(Definition):
     callable: SkipJsonSchema[Callable[..., Any] | None] = Field(
         default=None, description="Python only: f(x (n, 3), v (n, 3), t, mass (n,)) -> force (n, 3) [N]."
     )
+    at: Vec3 | None = Field(
+        default=None, description="Rigid bodies: where the force acts, in the body's frame; its centre of mass [m]."
+    )
+    torque: Annotated[list[Component], Field(min_length=3, max_length=3)] | None = Field(
+        default=None, description="Rigid bodies: torque in world axes, in the same variables [N m]."
+    )
 
     @model_validator(mode="after")
     def _check(self) -> ForceDef:
-        exactly_one(self, [("expression",), ("callable",)])
+        exactly_one(self, [("expression",), ("callable",)], ("torque",))
         return self
+
+
+class DisplacementDef(Definition):
+    """Options of the `displacement` solver (Displacement, 2.2 and 3)."""
+
+    scheme: Literal[1, 2] = Field(default=2, description="Scheme one (3.1.2) or two (3.1.3) [1].")
+    alpha: Positive = Field(default=1.0, description="Factor on m1 m2 / (m1 + m2): speed of convergence [1].")
+    weights: Literal["max", "sum"] = Field(
+        default="max", description="1/max(n_i, n_j), or the plain sum, which may diverge (3.2) [text]."
+    )
+    tolerance: Positive = Field(default=1e-6, description="Stop when all corrections are smaller [m or rad].")
+    max_iterations: Count = Field(default=200, description="Limit on iterations a step [1].")
+    on_limit: Literal["continue", "stop"] = Field(
+        default="continue", description="What to do when the limit is reached: warn and go on, or fail [text]."
+    )
+    speeds: Literal["logarithm", "paper"] = Field(
+        default="logarithm", description="Angular speeds by the logarithm, or step 3 as printed [text]."
+    )
+    mobility: Literal["physical", "user_parameter"] = Field(
+        default="physical", description="By mass and inertia, or by mu and the ability to rotate (3.1.4) [text]."
+    )
 
 
 class SceneDef(Definition):
@@ -131,6 +216,18 @@ class SceneDef(Definition):
     )
     conflicts: Literal["error", "solve"] = Field(
         default="error", description="What to do when two constraints share a point [text]."
+    )
+    solver: Literal["equality", "displacement"] = Field(
+        default="equality", description="How joints are met: exactly and directly, or the 1994 iteration [text]."
+    )
+    displacement: DisplacementDef = Field(
+        default_factory=DisplacementDef, description="Options of the displacement solver [options]."
+    )
+    rigid_motion: Literal["rotor", "paper"] = Field(
+        default="rotor", description="Motion of rigid bodies: exact free rotation, or (1)-(4) as printed [text]."
+    )
+    max_rotation: Positive = Field(
+        default=0.5, description="A step that turns a body by more goes back and is halved [rad]."
     )
     frames_per_second: Positive = Field(default=60.0, description="Frames written to recordings [1/s].")
     bodies: list[BodyDef] = Field(default_factory=list, description="The bodies [list].")
@@ -177,7 +274,7 @@ def reference_problems(item: Any, bodies: list[str]) -> Iterator[Located]:
         if isinstance(value, Definition):
             for field in type(value).model_fields:
                 inner = getattr(value, field)
-                if field == "body" and isinstance(inner, str):
+                if field in ("body", "body0", "body1") and isinstance(inner, str):
                     if inner not in known:
                         yield (*at, field), f"there is no body {inner!r}{did_you_mean(inner, bodies)}"
                 elif field == "bodies":

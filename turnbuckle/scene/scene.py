@@ -12,6 +12,7 @@ from turnbuckle.data.model import Model
 from turnbuckle.data.state import State
 from turnbuckle.scene.build import build
 from turnbuckle.scene.definitions import (
+    JOINTS,
     AttachDef,
     ClothDef,
     ConstraintBase,
@@ -19,6 +20,7 @@ from turnbuckle.scene.definitions import (
     NailDef,
     NetDef,
     PointsToPointDef,
+    RigidDef,
     RopeDef,
     SceneDef,
     SlideDef,
@@ -37,6 +39,7 @@ CONSTRAINTS: dict[str, type[ConstraintBase]] = {
     "attach": AttachDef,
     "slide": SlideDef,
     "velocity": VelocityDef,
+    **JOINTS,
 }
 
 
@@ -108,14 +111,29 @@ class Scene:
         """Add a tetrahedral solid (fields of `SolidDef`); returns its name."""
         return self._add("bodies", SolidDef, "solid", name, fields)
 
+    def add_rigid(self, name: str, **fields: Any) -> str:
+        """Add a rigid body (fields of `RigidDef`); returns its name."""
+        return self._add("bodies", RigidDef, "rigid", name, fields)
+
+    def add_joint(self, type: str, name: str, **fields: Any) -> str:
+        """Add a joint: "ball", "revolute", "universal", "prismatic", "cylindrical", "planar", "weld", "distance",
+        "cone_twist", "point_to_ring", "rolling", or the general "joint"; returns its name.
+
+        `fields` are those of its definition (`turnbuckle.scene.named_joints`, `JointDef`).
+        """
+        if type not in JOINTS:
+            raise InputError(f"joint {name!r}: unknown type {type!r}{did_you_mean(type, JOINTS)}")
+        return self._add("constraints", JOINTS[type], type, name, fields)
+
     def add_force(self, name: str, **fields: Any) -> str:
         """Add a force field (fields of `ForceDef`: body, and expression or callable); returns its name."""
         return self._add("forces", ForceDef, "force", name, fields)
 
     def add_constraint(self, type: str, name: str, **fields: Any) -> str:
-        """Add a constraint: "nail", "points_to_point", "attach", "slide" or "velocity"; returns its name.
+        """Add a constraint: "nail", "points_to_point", "attach", "slide", "velocity", or a joint; returns its name.
 
-        `fields` are those of its definition (`NailDef`, `PointsToPointDef`, `AttachDef`, `SlideDef`, `VelocityDef`).
+        `fields` are those of its definition (`NailDef`, `PointsToPointDef`, `AttachDef`, `SlideDef`, `VelocityDef`; for
+        joints see `add_joint`).
         """
         if type not in CONSTRAINTS:
             raise InputError(f"constraint {name!r}: unknown type {type!r}{did_you_mean(type, CONSTRAINTS)}")
