@@ -74,12 +74,12 @@ class AxisJointDef(NamedJointDef):
         return self
 
     def _angle(self, to_body1: Rotation, low: float, high: float) -> AngleDef:
-        return AngleDef(axis0=self.axis, axis1=to_body1.apply(self.axis), min=low, max=high)
+        return AngleDef(axis0=self.axis, axis1=to_body1.apply(np.array(self.axis)), min=low, max=high)
 
     def _twist(self, to_body1: Rotation, low: float | None, high: float | None) -> TwistDef:
         b = perpendicular(self.axis)
         return TwistDef(
-            axis0=self.axis, axis1=to_body1.apply(self.axis), vector0=b, vector1=to_body1.apply(b), min=low, max=high
+            axis0=self.axis, axis1=to_body1.apply(np.array(self.axis)), vector0=b, vector1=to_body1.apply(b), min=low, max=high
         )
 
 
