@@ -73,8 +73,14 @@ def check_solid(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray
 
     Raises InputError (one sentence, what to do) unless it bounds a solid and all its normals point out of it.
     """
-    vertices, index = weld(np.asarray(vertices, dtype=np.float64))
-    triangles = index[np.asarray(triangles, dtype=np.int64)]
+    vertices = np.asarray(vertices, dtype=np.float64)
+    triangles = np.asarray(triangles, dtype=np.int64)
+    if not np.isfinite(vertices).all():
+        raise InputError("surface: a vertex is not finite; repair the mesh")
+    if len(triangles) and (triangles.min() < 0 or triangles.max() >= len(vertices)):
+        raise InputError(f"surface: a triangle names a vertex out of 0..{len(vertices) - 1}; repair the mesh")
+    vertices, index = weld(vertices)
+    triangles = index[triangles]
     a, b, c = triangles.T
     triangles = triangles[(a != b) & (b != c) & (c != a)]
     if not len(triangles):
