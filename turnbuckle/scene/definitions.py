@@ -7,7 +7,7 @@ A definition is constant; arrays in it are read-only. Lengths [m], masses [kg], 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -258,16 +258,15 @@ def name_problems(scene: SceneDef) -> Iterator[Located]:
             if item.name in seen:
                 yield (kind, i, "name"), f"{item.name!r} is already the name of {kind}[{seen[item.name]}]"
             seen.setdefault(item.name, i)
-    bodies = [body.name for body in scene.bodies]
+    bodies = dict.fromkeys(body.name for body in scene.bodies)  # in order, quick to look up
     for kind in ("forces", "constraints"):
         for i, item in enumerate(getattr(scene, kind)):
             for at, message in reference_problems(item, bodies):
                 yield (kind, i, *at), message
 
 
-def reference_problems(item: Any, bodies: list[str]) -> Iterator[Located]:
+def reference_problems(item: Any, known: Collection[str]) -> Iterator[Located]:
     """Bodies named anywhere inside a force or constraint that the scene does not have, each with its place."""
-    known = set(bodies)
     stack: list[tuple[tuple[str | int, ...], Any]] = [((), item)]
     while stack:
         at, value = stack.pop()
@@ -276,11 +275,11 @@ def reference_problems(item: Any, bodies: list[str]) -> Iterator[Located]:
                 inner = getattr(value, field)
                 if field in ("body", "body0", "body1") and isinstance(inner, str):
                     if inner not in known:
-                        yield (*at, field), f"there is no body {inner!r}{did_you_mean(inner, bodies)}"
+                        yield (*at, field), f"there is no body {inner!r}{did_you_mean(inner, known)}"
                 elif field == "bodies":
                     for k, name in enumerate(inner):
                         if name not in known:
-                            yield (*at, field, k), f"there is no body {name!r}{did_you_mean(name, bodies)}"
+                            yield (*at, field, k), f"there is no body {name!r}{did_you_mean(name, known)}"
                 elif isinstance(inner, (Definition, list)):
                     stack.append(((*at, field), inner))
         elif isinstance(value, list):
