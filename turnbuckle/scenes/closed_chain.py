@@ -65,7 +65,9 @@ def closed_chain(
         }
         for i in range(n)
     ]
-    joints: list[dict] = [{"type": "ball", "name": "joint_0", "body1": "box_0", "local_pos0": ends[0], "local_pos1": left}]
+    joints: list[dict] = [
+        {"type": "ball", "name": "joint_0", "body1": "box_0", "local_pos0": ends[0], "local_pos1": left}
+    ]
     joints += [
         {
             "type": "ball",
