@@ -34,5 +34,13 @@ class _Registry(Mapping[str, "Callable[..., Scene]"]):
 
 
 REGISTRY: Mapping[str, "Callable[..., Scene]"] = _Registry(
-    "curtain", "robot_on_ropes", "net_to_bridge", "self_assembly", "soft_mesh", "closed_chain", "four_bars", "bricard"
+    "curtain",
+    "robot_on_ropes",
+    "net_to_bridge",
+    "self_assembly",
+    "soft_mesh",
+    "closed_chain",
+    "four_bars",
+    "bricard",
+    "monocycle",
 )

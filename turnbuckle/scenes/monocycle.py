@@ -1,0 +1,144 @@
+"""A figure rides a monocycle: Displacement, Figures 7 and 8, Appendix A."""
+
+import math
+
+import numpy as np
+
+from turnbuckle.data.errors import InputError
+from turnbuckle.scene.scene import Scene
+
+# From Appendix A, in the frames of the bodies; y is up, z forward, x to the left [m].
+HIP = np.array([0.4, -0.6, 0.0])  # of the left thigh in the body; mirrored in x for the right
+THIGH, LEG = 1.0, 1.4  # along z of thigh and leg
+ANKLE = np.array([0.0, 0.0, -0.1])  # in the foot
+PEDAL = np.array([0.4, 0.0, -0.5])  # of the left foot in the wheel; the right one is opposite
+SEAT = 2.0  # height of the body's origin above the middle of the wheel
+
+SKIN, TROUSERS, SHIRT = [0.87, 0.68, 0.55], [0.20, 0.32, 0.55], [0.75, 0.24, 0.20]
+STEEL, SHOE = [0.35, 0.37, 0.40], [0.25, 0.18, 0.14]
+SIDES = {"left": 1.0, "right": -1.0}
+
+
+def monocycle(
+    force: float = 50.0,
+    radius: float = 0.8,
+    crank: float = 0.5,
+    dt: float = 1.0 / 240.0,
+    duration: float = 9.0,
+) -> Scene:
+    """A figure on a monocycle is pushed by a horizontal force; the wheel rolls and turns its legs (Figures 7 and 8).
+
+    All constraints of the paper's Appendix A, to the letter: the wheel on the body, the feet on the pedals, thighs, legs
+    and feet in loops through wheel and body, and an angle to the world that keeps the body within 0.066 rad of upright.
+    In place of the paper's contact with the floor, the wheel, of `radius` [m], rolls on it without slip. `force` [N] acts
+    along z on the body's origin. `crank` [rad] is the angle of the wheel at the start.
+    Shapes and masses are ours: a rider of 48 kg, 3.6 m tall, for Appendix A fixes its legs at 2.4 m.
+    """
+    if not radius > -PEDAL[2] + 0.1:
+        raise InputError(f"monocycle: radius = {radius:g} m; the pedals need more than {-PEDAL[2] + 0.1:g}")
+    scene = Scene("monocycle", up_axis="Y", dt=dt, duration=duration)
+    axle = np.array([0.0, radius, 0.0])
+    seat = axle + [0.0, SEAT, 0.0]
+    scene.add_rigid("body", parts=_torso(), mass=26.0, position=seat, color=SHIRT)
+    turned = [crank, 0.0, 0.0]
+    scene.add_rigid(
+        "wheel",
+        parts=_wheel(radius),
+        mass=4.0,
+        position=axle,
+        rotation=turned,
+        color=STEEL,
+    )
+    for side, sign in SIDES.items():
+        _add_leg(scene, side, seat + HIP * [sign, 1.0, 1.0], axle + _turn(crank, PEDAL * [sign, 1.0, sign]))
+    add_appendix(scene)
+    floor = {"local_pos0": [0.0, 0.0, 0.0], "local_pos1": [0.0, 0.0, 0.0], "normal": [0.0, 1.0, 0.0]}
+    scene.add_joint("rolling", "floor", body1="wheel", axis=[1.0, 0.0, 0.0], radius=radius, **floor)
+    scene.add_force("push", body="body", at=[0.0, 0.0, 0.0], expression=[0.0, 0.0, force])
+    return scene
+
+
+def _turn(angle: float, v: np.ndarray) -> np.ndarray:
+    """v turned about x."""
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([v[0], c * v[1] - s * v[2], s * v[1] + c * v[2]])
+
+
+def _torso() -> list[dict]:
+    """Trunk, arms, head and the fork that holds the wheel; its origin is the appendix's `body`."""
+    parts: list[dict] = [
+        {"box": [0.62, 1.1, 0.32], "position": [0.0, 0.05, 0.0]},
+        {"sphere": 0.26, "position": [0.0, 0.92, 0.02]},
+        {"box": [0.3, 0.1, 0.45], "position": [0.0, -0.62, 0.0]},
+    ]
+    for x in (-0.16, 0.16):
+        parts.append(
+            {"capsule": {"radius": 0.035, "length": 1.35}, "position": [x, -1.32, 0.0], "rotation": [1.5708, 0, 0]}
+        )
+    for x in (-0.62, 0.62):
+        tilt = math.copysign(0.9, x)
+        parts.append(
+            {"capsule": {"radius": 0.07, "length": 0.8}, "position": [x, 0.3, 0.0], "rotation": [0.0, tilt, 0.0]}
+        )
+    return parts
+
+
+def _wheel(radius: float) -> list[dict]:
+    """Disc, axle, cranks and pedals; its axis is x."""
+    across = [0.0, 0.5 * math.pi, 0.0]
+    parts: list[dict] = [
+        {"cylinder": {"radius": radius, "length": 0.12}, "rotation": across},
+        {"cylinder": {"radius": 0.04, "length": 0.72}, "rotation": across},
+    ]
+    for sign in SIDES.values():
+        x, z = sign * PEDAL[0], sign * PEDAL[2]
+        parts.append({"box": [0.05, 0.07, abs(z)], "position": [0.8 * x, 0.0, 0.5 * z], "density": 100.0})
+        parts.append({"box": [0.22, 0.05, 0.12], "position": [x, 0.0, z], "density": 100.0})
+    return parts
+
+
+def _add_leg(scene: Scene, side: str, hip: np.ndarray, pedal: np.ndarray) -> None:
+    """Thigh, leg and level foot between hip and pedal [m], the knee in front: two circles in the plane x = const."""
+    ankle = pedal + ANKLE
+    down = ankle - hip
+    far = float(np.linalg.norm(down))
+    at_hip = math.acos((THIGH**2 + far**2 - LEG**2) / (2.0 * THIGH * far))
+    # z turned about x by b points along (0, -sin b, cos b); the knee lies that much before the line to the ankle.
+    thigh = math.atan2(-down[1], down[2]) - at_hip
+    knee = hip + THIGH * np.array([0.0, -math.sin(thigh), math.cos(thigh)])
+    shin = math.atan2(-(ankle - knee)[1], (ankle - knee)[2])
+    for name, start, angle, length, thick, mass, color in (
+        ("thigh", hip, thigh, THIGH, 0.12, 4.5, TROUSERS),
+        ("leg", knee, shin, LEG, 0.09, 3.5, TROUSERS),
+    ):
+        limb = {"capsule": {"radius": thick, "length": length - thick}, "position": [0.0, 0.0, 0.5 * length]}
+        placed = {"position": start, "rotation": [angle, 0.0, 0.0], "color": color}
+        scene.add_rigid(f"{side}-{name}", parts=[limb], mass=mass, **placed)
+    shoe = {"box": [0.16, 0.1, 0.5], "position": [0.0, 0.06, 0.03]}
+    scene.add_rigid(f"{side}-foot", parts=[shoe], mass=1.0, position=pedal, color=SHOE, angular_damping=4.0)
+
+
+def add_appendix(scene: Scene) -> None:
+    """The constraints of Appendix A, in its order."""
+    x, y, z, origin = [1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 0]
+
+    def angle(axis: list[int], limit: float) -> dict:
+        return {"axis0": axis, "axis1": axis, "max": limit}
+
+    def hinge(first: object, second: object) -> dict:
+        return {"local_pos0": first, "local_pos1": second}
+
+    scene.add_joint("joint", "seat", body0="body", body1="wheel", **hinge([0, -SEAT, 0], origin), angle=angle(x, 0.0))
+    scene.add_joint("joint", "upright", body1="body", angle=angle(y, 0.066))
+    for side, sign, at_hip, at_ankle in (("left", 1.0, 0.0, 0.0), ("right", -1.0, 0.04, 9.0)):
+        thigh, leg, foot = (f"{side}-{part}" for part in ("thigh", "leg", "foot"))
+        hip, pedal = HIP * [sign, 1, 1], PEDAL * [sign, 1, sign]
+        pairs = (
+            (f"{side}-hip", "body", thigh, hinge(hip, origin) | {"angle": angle(x, at_hip)}),
+            (f"{side}-knee", thigh, leg, hinge([0, 0, THIGH], origin) | {"angle": angle(x, 0.0)}),
+            (f"{side}-ankle", leg, foot, hinge([0, 0, LEG], ANKLE) | {"angle": angle(x, at_ankle)}),
+            (f"{side}-pedal", "wheel", foot, hinge(pedal, origin)),
+            (f"{side}-level", "body", foot, {"angle": angle(z, 0.1)}),
+        )
+        for name, first, second, fields in pairs:
+            scene.add_joint("joint", name, body0=first, body1=second, **fields)
