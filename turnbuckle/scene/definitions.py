@@ -70,16 +70,17 @@ from turnbuckle.scene.named_joints import (
     WeldDef,
 )
 from turnbuckle.scene.rigid_definitions import PartDef, RigidDef, RoundDef, TrajectoryDef
+from turnbuckle.scene.skin_definitions import CoatingDef, SectionDef, SkinDef
 from turnbuckle.scene.suggestion import did_you_mean
 
 __all__ = [
     "AngleDef", "AttachDef", "AttachToDef", "AxialDef", "BallDef", "BodyBase", "BodyDef", "BodyPairDef", "BoxDef",
-    "ClothDef", "CoincidentDef", "ConeTwistDef", "ConstraintBase", "ConstraintDef", "CurveDef", "CylinderDef",
-    "CylindricalDef", "DisplacementDef", "DistanceDef", "ForceDef", "INTEGRATORS", "JOINTS", "JointDef", "KeyframesDef",
-    "MotorDef", "NailDef", "NamedJointDef", "NetDef", "PartDef", "PlanarDef", "PlanarJointDef", "PointRef",
-    "PointToRingDef", "PointsDef", "PointsToPointDef", "PrismaticDef", "RampDef", "RevoluteDef", "RigidDef",
-    "RollingDef", "RopeDef", "RoundDef", "SceneDef", "SheetDef", "SlideDef", "SlideOnDef", "SolidDef",
-    "SphereDomainDef", "SurfaceDef", "TrajectoryDef", "TwistDef", "UniversalDef", "VelocityDef", "WeldDef",
+    "ClothDef", "CoatingDef", "CoincidentDef", "ConeTwistDef", "ConstraintBase", "ConstraintDef", "CurveDef",
+    "CylinderDef", "CylindricalDef", "DisplacementDef", "DistanceDef", "ForceDef", "INTEGRATORS", "JointDef", "JOINTS",
+    "KeyframesDef", "MotorDef", "NailDef", "NamedJointDef", "NetDef", "PartDef", "PlanarDef", "PlanarJointDef",
+    "PointRef", "PointsDef", "PointsToPointDef", "PointToRingDef", "PrismaticDef", "RampDef", "RevoluteDef", "RigidDef",
+    "RollingDef", "RopeDef", "RoundDef", "SceneDef", "SectionDef", "SheetDef", "SkinDef", "SlideDef", "SlideOnDef",
+    "SolidDef", "SphereDomainDef", "SurfaceDef", "TrajectoryDef", "TwistDef", "UniversalDef", "VelocityDef", "WeldDef",
 ]  # fmt: skip
 
 Integrator = Literal[
@@ -116,7 +117,8 @@ BodyDef = Annotated[
     | Annotated[NetDef, Tag("<net>")]
     | Annotated[ClothDef, Tag("<cloth>")]
     | Annotated[SolidDef, Tag("<solid>")]
-    | Annotated[RigidDef, Tag("<rigid>")],
+    | Annotated[RigidDef, Tag("<rigid>")]
+    | Annotated[CoatingDef, Tag("<coating>")],
     Discriminator(_type_of),
 ]
 ConstraintDef = Annotated[
@@ -233,6 +235,7 @@ class SceneDef(Definition):
     bodies: list[BodyDef] = Field(default_factory=list, description="The bodies [list].")
     forces: list[ForceDef] = Field(default_factory=list, description="Force fields [list].")
     constraints: list[ConstraintDef] = Field(default_factory=list, description="The constraints [list].")
+    skins: list[SkinDef] = Field(default_factory=list, description="Surfaces over chains of bodies [list].")
 
     def gravity_vector(self) -> np.ndarray:
         """Gravity [m/s^2], shape (3,): as given, or 9.81 m/s^2 down."""
@@ -250,7 +253,7 @@ class SceneDef(Definition):
 
 def name_problems(scene: SceneDef) -> Iterator[Located]:
     """Names used twice and bodies that do not exist, each with its place."""
-    for kind in ("bodies", "forces", "constraints"):
+    for kind in ("bodies", "forces", "constraints", "skins"):
         seen: dict[str, int] = {}
         for i, item in enumerate(getattr(scene, kind)):
             if kind == "forces" and "name" not in item.model_fields_set:
@@ -259,21 +262,24 @@ def name_problems(scene: SceneDef) -> Iterator[Located]:
                 yield (kind, i, "name"), f"{item.name!r} is already the name of {kind}[{seen[item.name]}]"
             seen.setdefault(item.name, i)
     bodies = dict.fromkeys(body.name for body in scene.bodies)  # in order, quick to look up
-    for kind in ("forces", "constraints"):
+    for i, skin in enumerate(scene.skins):
+        if skin.name in bodies:
+            yield ("skins", i, "name"), f"{skin.name!r} is already the name of a body"
+    for kind in ("bodies", "forces", "constraints", "skins"):
         for i, item in enumerate(getattr(scene, kind)):
             for at, message in reference_problems(item, bodies):
                 yield (kind, i, *at), message
 
 
 def reference_problems(item: Any, known: Collection[str]) -> Iterator[Located]:
-    """Bodies named anywhere inside a force or constraint that the scene does not have, each with its place."""
+    """Bodies named anywhere inside an item of a scene that the scene does not have, each with its place."""
     stack: list[tuple[tuple[str | int, ...], Any]] = [((), item)]
     while stack:
         at, value = stack.pop()
         if isinstance(value, Definition):
             for field in type(value).model_fields:
                 inner = getattr(value, field)
-                if field in ("body", "body0", "body1") and isinstance(inner, str):
+                if field in ("body", "body0", "body1", "around") and isinstance(inner, str):
                     if inner not in known:
                         yield (*at, field), f"there is no body {inner!r}{did_you_mean(inner, known)}"
                 elif field == "bodies":

@@ -122,6 +122,10 @@ class RigidDef(BodyBase, ShapeDef):
         default=None,
         description="Further points in the body's frame that constraints can take; numbered first, 0, 1, ... [m].",
     )
+    anchors: Positions | None = Field(
+        default=None,
+        description="Further points in the body's frame, numbered last; coatings are held at such [m].",
+    )
     ability_to_rotate: Positive | None = Field(
         default=None,
         description="Stands for m J^-1 under the displacement solver, in place of the inertia (3.1.4) [1/m^2].",

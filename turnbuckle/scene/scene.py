@@ -15,6 +15,7 @@ from turnbuckle.scene.definitions import (
     JOINTS,
     AttachDef,
     ClothDef,
+    CoatingDef,
     ConstraintBase,
     ForceDef,
     NailDef,
@@ -23,6 +24,7 @@ from turnbuckle.scene.definitions import (
     RigidDef,
     RopeDef,
     SceneDef,
+    SkinDef,
     SlideDef,
     SolidDef,
     VelocityDef,
@@ -115,6 +117,14 @@ class Scene:
         """Add a rigid body (fields of `RigidDef`); returns its name."""
         return self._add("bodies", RigidDef, "rigid", name, fields)
 
+    def add_coating(self, name: str, **fields: Any) -> str:
+        """Add deformable material around a rigid body (fields of `CoatingDef`: around, thickness); returns its name."""
+        return self._add("bodies", CoatingDef, "coating", name, fields)
+
+    def add_skin(self, name: str, **fields: Any) -> str:
+        """Add one smooth surface over a chain of bodies (fields of `SkinDef`: bodies); returns its name."""
+        return self._add("skins", SkinDef, "skin", name, fields)
+
     def add_joint(self, type: str, name: str, **fields: Any) -> str:
         """Add a joint: "ball", "revolute", "universal", "prismatic", "cylindrical", "planar", "weld", "distance",
         "cone_twist", "point_to_ring", "rolling", or the general "joint"; returns its name.
@@ -145,6 +155,9 @@ class Scene:
         items = getattr(self.definition, kind)
         if any(other.name == name for other in items):
             raise InputError(f"{where}, name: there is already one of this name among {kind}")
+        drawn = {"bodies": self.definition.skins, "skins": self.definition.bodies}.get(kind, [])
+        if any(other.name == name for other in drawn):
+            raise InputError(f"{where}, name: is already the name of a {'skin' if kind == 'bodies' else 'body'}")
         unknown = list(reference_problems(item, [body.name for body in self.definition.bodies]))
         if unknown:
             raise InputError(report([(f"{where}, {place_text(at)}", text) for at, text in unknown]))

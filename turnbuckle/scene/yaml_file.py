@@ -127,7 +127,7 @@ def _file_data(
         for field in MESH_FIELDS:
             if field in body and not os.path.isabs(body[field]) and old.resolve() != new.resolve():
                 body[field] = Path(os.path.relpath(old.resolve() / body[field], new.resolve())).as_posix()
-    for kind in ("bodies", "forces", "constraints"):
+    for kind in ("bodies", "forces", "constraints", "skins"):
         items = data.get(kind, [])
         for i, item in enumerate(items):
             ordered = {key: item[key] for key in ("type", "name") if key in item} | item
