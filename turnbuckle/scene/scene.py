@@ -30,10 +30,13 @@ from turnbuckle.scene.definitions import (
     VelocityDef,
     reference_problems,
 )
+from turnbuckle.scene.language.reader import add_description, is_description, parse_description, read_description
+from turnbuckle.scene.language.writer import write_description
 from turnbuckle.scene.overrides import override
 from turnbuckle.scene.suggestion import did_you_mean
 from turnbuckle.scene.validation import D, place_text, report, validate
 from turnbuckle.scene.yaml_file import definition_text, parse_definition, read_definition, write_definition
+from turnbuckle.scene.yaml_writer import write_yaml
 
 CONSTRAINTS: dict[str, type[ConstraintBase]] = {
     "nail": NailDef,
@@ -72,8 +75,12 @@ class Scene:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Scene:
-        """Read a scene file. Raises `InputError` with file, line and field of each problem."""
-        return cls.from_definition(read_definition(path), Path(path).parent)
+        """Read a scene file: YAML, or `.gascuel`, the description language.
+
+        Raises `InputError` with file, line and field of each problem.
+        """
+        read = read_description if is_description(path) else read_definition
+        return cls.from_definition(read(path), Path(path).parent)
 
     @classmethod
     def loads(cls, text: str, folder: str | os.PathLike[str] | None = None) -> Scene:
@@ -81,16 +88,36 @@ class Scene:
         folder = Path(folder) if folder is not None else Path()
         return cls.from_definition(parse_definition(text, folder), folder)
 
+    @classmethod
+    def from_description(cls, text: str, folder: str | os.PathLike[str] | None = None) -> Scene:
+        """Read a scene from text in the description language; meshes are relative to `folder`, as in `loads`."""
+        folder = Path(folder) if folder is not None else Path()
+        return cls.from_definition(parse_description(text, folder), folder)
+
+    def include(self, path: str | os.PathLike[str]) -> list[str]:
+        """Add what a `.gascuel` file describes; returns the names of its constraints.
+
+        The file may name objects of the scene, and need not describe any. Raises `InputError`; the scene is unchanged then.
+        """
+        before = len(self.definition.constraints)
+        self.definition = add_description(path, self.definition, self.folder)
+        return [constraint.name for constraint in self.definition.constraints[before:]]
+
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write a scene file that reads back the same bit for bit; long arrays go into a `.arrays.npz` beside it.
+        """Write a scene file, YAML or by its suffix `.gascuel`, that reads back the same bit for bit; long arrays go
+        into a `.arrays.npz` beside it.
 
         Raises `InputError` that names any force or constraint with a Python callable.
         """
-        write_definition(self.definition, self.folder, path)
+        write_definition(self.definition, self.folder, path, write_description if is_description(path) else write_yaml)
 
     def to_yaml(self) -> str:
         """The scene as YAML text, arrays inside. Raises `InputError` where there is a Python callable."""
         return definition_text(self.definition)
+
+    def to_description(self) -> str:
+        """The scene as text in the description language. Raises `InputError` where there is a Python callable."""
+        return definition_text(self.definition, write_description)
 
     @property
     def name(self) -> str:

@@ -7,6 +7,7 @@ files are relative to the scene file.
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,11 @@ MESH_FIELDS = ("mesh", "surface")
 def read_definition(path: str | os.PathLike[str]) -> SceneDef:
     """The definition in a scene file. Raises `InputError`, one line a problem: `file:line: field: what is wrong`."""
     path = Path(path)
+    return parse_definition(read_text(path), path.parent, str(path))
+
+
+def read_text(path: Path) -> str:
+    """The text of a file. Raises `InputError` for what is no text file in UTF-8."""
     shown = str(path)
     try:
         if path.is_dir():
@@ -37,11 +43,10 @@ def read_definition(path: str | os.PathLike[str]) -> SceneDef:
     except (OSError, ValueError) as error:
         raise InputError(f"{shown}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
     try:
-        text = data.decode("utf-8-sig")
+        return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         raise InputError(f"{shown}:{line}: not a text file in UTF-8 (byte {error.start})") from None
-    return parse_definition(text, path.parent, shown)
 
 
 def parse_definition(text: str, folder: Path, shown: str = "<text>") -> SceneDef:
@@ -69,7 +74,12 @@ def _with_lines(found: list[tuple[tuple[str | int, ...], str]], root: Node, show
     return report([(f"{shown}:{line}: {place}" if place else f"{shown}:{line}", text) for line, place, text in located])
 
 
-def write_definition(definition: SceneDef, folder: Path, path: str | os.PathLike[str]) -> None:
+def write_definition(
+    definition: SceneDef,
+    folder: Path,
+    path: str | os.PathLike[str],
+    text_of: Callable[[dict[str, Any]], str] = write_yaml,
+) -> None:
     """Write a scene file. Arrays of more than `LONG_ARRAY` rows go into `NAME.arrays.npz` beside it.
 
     `folder` is what the meshes of the definition are relative to; their paths are rewritten for the new place. Raises
@@ -83,7 +93,7 @@ def write_definition(definition: SceneDef, folder: Path, path: str | os.PathLike
     try:
         if arrays:
             _replace(beside, lambda file: np.savez(file, **arrays))  # type: ignore[arg-type]
-        _replace(path, lambda file: file.write(write_yaml(data).encode("utf-8")))
+        _replace(path, lambda file: file.write(text_of(data).encode("utf-8")))
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
 
@@ -99,10 +109,10 @@ def _replace(path: Path, write: Any) -> None:
         part.unlink(missing_ok=True)
 
 
-def definition_text(definition: SceneDef) -> str:
+def definition_text(definition: SceneDef, text_of: Callable[[dict[str, Any]], str] = write_yaml) -> str:
     """The YAML text of a definition, all arrays inside. Raises `InputError` for callables."""
     refuse_callables(definition)
-    return write_yaml(_file_data(definition, Path(), Path(), "", None))
+    return text_of(_file_data(definition, Path(), Path(), "", None))
 
 
 def refuse_callables(definition: SceneDef) -> None:
@@ -114,6 +124,11 @@ def refuse_callables(definition: SceneDef) -> None:
     for constraint in definition.constraints:
         if callable(getattr(constraint, "goal", None)):
             found.append(f"the goal of the constraint {constraint.name!r} is a Python callable; give keyframes")
+        if callable(getattr(constraint, "domain", None)):
+            found.append(f"the domain of the joint {constraint.name!r} is a Python callable; give a curve or surface")
+    for body in definition.bodies:
+        if callable(getattr(body, "trajectory", None)):
+            found.append(f"the trajectory of the body {body.name!r} is a Python callable; give keyframes")
     if found:
         raise InputError("a scene file cannot hold callables: " + ", and ".join(found))
 
@@ -123,10 +138,7 @@ def _file_data(
 ) -> dict[str, Any]:
     """What goes into the file: fields that were given, paths rewritten, long arrays replaced by their place."""
     data = {"schema_version": definition.schema_version, **given_data(definition)}
-    for body in data.get("bodies", ()):
-        for field in MESH_FIELDS:
-            if field in body and not os.path.isabs(body[field]) and old.resolve() != new.resolve():
-                body[field] = Path(os.path.relpath(old.resolve() / body[field], new.resolve())).as_posix()
+    move_meshes(data, old, new)
     for kind in ("bodies", "forces", "constraints", "skins"):
         items = data.get(kind, [])
         for i, item in enumerate(items):
@@ -134,6 +146,17 @@ def _file_data(
             ordered = _single(ordered)
             items[i] = ordered if arrays is None else _shorten(ordered, f"{kind}.{item.get('name', i)}", beside, arrays)
     return data
+
+
+def move_meshes(data: Any, old: Path, new: Path) -> None:
+    """Rewrite the paths of meshes anywhere in nested dicts and lists, from relative to `old` to relative to `new`."""
+    if isinstance(data, dict) and old.resolve() != new.resolve():
+        for key, value in data.items():
+            if key in MESH_FIELDS and isinstance(value, str) and not os.path.isabs(value):
+                data[key] = Path(os.path.relpath(old.resolve() / value, new.resolve())).as_posix()
+    if isinstance(data, (dict, list)):
+        for value in data.values() if isinstance(data, dict) else data:
+            move_meshes(value, old, new)
 
 
 def _single(value: Any, name: str = "") -> Any:
