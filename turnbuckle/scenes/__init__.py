@@ -43,4 +43,7 @@ REGISTRY: Mapping[str, "Callable[..., Scene]"] = _Registry(
     "four_bars",
     "bricard",
     "monocycle",
+    "snake",
+    "otary",
+    "puppet",
 )

@@ -1,11 +1,14 @@
 """A figure rides a monocycle: Displacement, Figures 7 and 8, Appendix A."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 
 from turnbuckle.data.errors import InputError
 from turnbuckle.scene.scene import Scene
+
+CONSTRAINTS = Path(__file__).with_name("monocycle_constraints.gascuel")  # Appendix A
 
 # From Appendix A, in the frames of the bodies; y is up, z forward, x to the left [m].
 HIP = np.array([0.4, -0.6, 0.0])  # of the left thigh in the body; mirrored in x for the right
@@ -51,7 +54,7 @@ def monocycle(
     )
     for side, sign in SIDES.items():
         _add_leg(scene, side, seat + HIP * [sign, 1.0, 1.0], axle + _turn(crank, PEDAL * [sign, 1.0, sign]))
-    add_appendix(scene)
+    scene.include(CONSTRAINTS)
     floor = {"local_pos0": [0.0, 0.0, 0.0], "local_pos1": [0.0, 0.0, 0.0], "normal": [0.0, 1.0, 0.0]}
     scene.add_joint("rolling", "floor", body1="wheel", axis=[1.0, 0.0, 0.0], radius=radius, **floor)
     scene.add_force("push", body="body", at=[0.0, 0.0, 0.0], expression=[0.0, 0.0, force])
@@ -116,29 +119,3 @@ def _add_leg(scene: Scene, side: str, hip: np.ndarray, pedal: np.ndarray) -> Non
         scene.add_rigid(f"{side}-{name}", parts=[limb], mass=mass, **placed)
     shoe = {"box": [0.16, 0.1, 0.5], "position": [0.0, 0.06, 0.03]}
     scene.add_rigid(f"{side}-foot", parts=[shoe], mass=1.0, position=pedal, color=SHOE, angular_damping=4.0)
-
-
-def add_appendix(scene: Scene) -> None:
-    """The constraints of Appendix A, in its order."""
-    x, y, z, origin = [1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 0]
-
-    def angle(axis: list[int], limit: float) -> dict:
-        return {"axis0": axis, "axis1": axis, "max": limit}
-
-    def hinge(first: object, second: object) -> dict:
-        return {"local_pos0": first, "local_pos1": second}
-
-    scene.add_joint("joint", "seat", body0="body", body1="wheel", **hinge([0, -SEAT, 0], origin), angle=angle(x, 0.0))
-    scene.add_joint("joint", "upright", body1="body", angle=angle(y, 0.066))
-    for side, sign, at_hip, at_ankle in (("left", 1.0, 0.0, 0.0), ("right", -1.0, 0.04, 9.0)):
-        thigh, leg, foot = (f"{side}-{part}" for part in ("thigh", "leg", "foot"))
-        hip, pedal = HIP * [sign, 1, 1], PEDAL * [sign, 1, sign]
-        pairs = (
-            (f"{side}-hip", "body", thigh, hinge(hip, origin) | {"angle": angle(x, at_hip)}),
-            (f"{side}-knee", thigh, leg, hinge([0, 0, THIGH], origin) | {"angle": angle(x, 0.0)}),
-            (f"{side}-ankle", leg, foot, hinge([0, 0, LEG], ANKLE) | {"angle": angle(x, at_ankle)}),
-            (f"{side}-pedal", "wheel", foot, hinge(pedal, origin)),
-            (f"{side}-level", "body", foot, {"angle": angle(z, 0.1)}),
-        )
-        for name, first, second, fields in pairs:
-            scene.add_joint("joint", name, body0=first, body1=second, **fields)
