@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from turnbuckle.scene.base_definition import Definition
-from turnbuckle.scene.definitions import ForceDef, SceneDef
+from turnbuckle.scene.definitions import ForceDef, JointDef, SceneDef
 from turnbuckle.scene.language.forms import Form, form_of, types_in
 from turnbuckle.scene.language.tokens import LanguageError, Position, Token, tokenise
 from turnbuckle.scene.language.values import MAX_DEPTH, Place, Values
@@ -33,6 +33,9 @@ from turnbuckle.scene.language.words import (
 )
 from turnbuckle.scene.suggestion import did_you_mean
 
+PAPER = ("object1", "object2", "hinge", "axial", "planar", "angle", "twist")
+WITHIN = ("min", "max", "stiffness", "damping")  # of a statement, not by themselves
+NAMING = ("object1", "object2", "on", "of")
 DEFAULT_TYPES = {"object": "rigid", "constraint": "joint"}
 
 
@@ -71,6 +74,8 @@ class _Parser(Values):
             if self.token.kind != "word" or self.token.written not in BLOCKS:
                 near = did_you_mean(self.token.written, BLOCKS) if self.token.kind == "word" else ""
                 near = near if near.startswith(", did") else ""
+                if normal(self.token.written) in all_words(JointDef):
+                    near = ", which stands in a constraint"
                 raise self.expected("'constraint', 'object', 'force' or 'world'", near)
             self.block()
         return self.result
@@ -119,7 +124,8 @@ class _Parser(Values):
 
     def statement(self, block: _Block) -> None:
         if self.token.kind != "word":
-            some = ", ".join([w for w in all_words(block.kind_of) if w not in ("type", "name")][:6])
+            words = [w for w in all_words(block.kind_of) if w not in ("type", "name")]
+            some = ", ".join([w for w in PAPER if w in words] or words[:6])
             raise self.expected(f"a statement such as {some}, or 'end'")
         token = self.token
         word = normal(token.written)
@@ -155,11 +161,11 @@ class _Parser(Values):
             line = block.opener.position.line
             return self.expected(f"a statement or 'end' of the {what} that line {line} begins")
         others = [name for name, kind in block.classes.items() if word in all_words(kind)]
-        if others and others != ["world"]:
+        if word in WITHIN and block.kind_of is JointDef:
+            text = f"'{word}' belongs before the ';' of axial, planar, sphere, angle or twist"
+        elif others and others != ["world"]:
             said = ", ".join(others[:4]) + (", ..." if len(others) > 4 else "")
             text = f"'{word}' is said of type {said}; begin the {what} with 'type {others[0]};'"
-        elif word in ("min", "max", "stiffness", "damping"):
-            text = f"'{word}' belongs before the ';' of axial, planar, sphere, angle or twist"
         else:
             known = [w for w in all_words(block.kind_of) if w != "type"] + ["end"]
             near = did_you_mean(word, known)
@@ -215,7 +221,7 @@ class _Parser(Values):
         if word == "object1" and token.kind == "word" and token.written == "world":
             self.take()
             return None
-        return self.text(f"the value of '{normal(word)}'")
+        return self.text(f"the name of an object after '{word}'" if word in NAMING else f"a word after '{word}'")
 
     # records
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterable
 from copy import deepcopy
 from dataclasses import dataclass
@@ -23,6 +24,7 @@ from turnbuckle.scene.validation import given_data, problems, report
 from turnbuckle.scene.yaml_file import move_meshes, read_text
 
 SUFFIX = ".gascuel"
+_NAME = re.compile(r"\w[\w.\-]{0,180}")
 BODY_FIELDS = ("body", "body0", "body1")
 
 
@@ -143,8 +145,9 @@ def name_constraints(constraints: list[dict[str, Any]]) -> None:
     taken = {item["name"] for item in constraints if "name" in item}
     for item in constraints:
         if "name" not in item:
-            ends = [item.get("body0") or "world", item.get("body1") or item["type"]]
-            stem = ".".join(str(end) for end in ends) if "body1" in item else str(item["type"])
+            stem = f"{item.get('body0') or 'world'}.{item.get('body1', '')}"
+            if "body1" not in item or not _NAME.fullmatch(stem):  # not about two objects, or about what cannot be one
+                stem = str(item["type"])
             number, name = 2, stem
             while name in taken:
                 number, name = number + 1, f"{stem}.{number}"

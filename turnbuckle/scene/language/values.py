@@ -54,6 +54,8 @@ class Values:
             return str(self.take().value)
         if token.kind in ("mark", "end of file"):
             raise self.expected(what)
+        if token.kind == "number":
+            raise self.expected(what, "; a name of digits stands in quotes")
         if token.written in RESERVED:
             raise self.expected(what, ", which is a word of the language; a name like it stands in quotes")
         return self.take().written

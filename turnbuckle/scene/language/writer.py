@@ -16,6 +16,8 @@ from turnbuckle.scene.language.tokens import NUMBER, WORD, number
 from turnbuckle.scene.language.words import BLOCKS, FLAGS, LISTS, POSITIONAL, RESERVED, pairs_of, short_of, word_of
 
 INDENT = "  "
+WIDTH = 100  # characters of a statement on one line
+ROW = "\n"
 
 
 def write_description(data: dict[str, Any]) -> str:
@@ -37,8 +39,9 @@ def write_description(data: dict[str, Any]) -> str:
 
 def _block(block: str, title: str, kind: type[Definition], item: dict[str, Any]) -> str:
     lines = [title]
-    for statement in _statements(kind, item):
-        lines.append(f"{INDENT}{statement};")
+    for statement in _statements(kind, item):  # with a line end between rows of numbers
+        long = len(statement) > WIDTH
+        lines.append(f"{INDENT}{statement.replace(ROW, ROW + 2 * INDENT if long else ' ')};")
     return "\n".join([*lines, "end", ""])
 
 
@@ -132,7 +135,7 @@ def _array(value: np.ndarray) -> str:
     """Numbers of a row plainly, rows in parentheses."""
     if value.ndim == 1:
         return " ".join(_number(one) for one in value.tolist())
-    return " ".join(f"({_array(row)})" for row in value)
+    return ROW.join(f"({_array(row).replace(ROW, ' ')})" for row in value)
 
 
 def _list(form: Form, value: list[Any]) -> str:
