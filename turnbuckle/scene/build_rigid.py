@@ -30,7 +30,7 @@ class RigidShape:
     mass: float  # [kg]
     center: np.ndarray  # (3,) centre of mass [m]
     inertia: np.ndarray  # (3, 3) about the centre, in the frame's axes [kg m^2]
-    vertices: np.ndarray  # (n, 3) markers first, then the vertices of the surface [m]
+    vertices: np.ndarray  # (n, 3) markers, then the vertices of the surface, then anchors [m]
     triangles: np.ndarray  # (m, 3) int32, into vertices
 
 
@@ -48,7 +48,7 @@ def rigid_shape(definition: RigidDef, folder: Path) -> RigidShape:
 
     Parts of a compound add up, also where they overlap. A given `mass` scales all densities alike. A given `inertia`
     or `center` is taken instead of the shape's; where mass, inertia and center are all given the surface need not be
-    closed. `scale` applies to all coordinates, `markers` and `center` included, not to a given mass or inertia.
+    closed. `scale` applies to all coordinates, `markers`, `anchors` and `center` included, not to a given mass or inertia.
     Raises InputError that names the body.
     """
     try:
@@ -70,7 +70,8 @@ def _shape(d: RigidDef, folder: Path) -> RigidShape:
             raise InputError(f"parts[{number}]: {error}") from None
     markers = np.zeros((0, 3)) if d.markers is None else d.markers * d.scale
     begins = np.cumsum([len(markers), *(len(s.vertices) for s in solids)])
-    vertices = np.concatenate([markers, *(s.vertices for s in solids)])
+    anchors = np.zeros((0, 3)) if d.anchors is None else d.anchors * d.scale
+    vertices = np.concatenate([markers, *(s.vertices for s in solids), anchors])
     triangles = np.concatenate([s.triangles + begin for s, begin in zip(solids, begins[:-1], strict=True)])
     if needed:
         mass, center, inertia = _sum([s.moments for s in solids if s.moments is not None])

@@ -1,0 +1,126 @@
+"""A coating is a solid, points on its kernel, and one constraint that joins them: so it is written out here.
+
+Every inner point of the solid gets its own point on the kernel (an anchor, numbered after all others), and both become
+one by `points_to_point`: exact, and what the material pushes arrives at the kernel.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from turnbuckle.data.errors import InputError
+from turnbuckle.meshes.inside import winding_numbers
+from turnbuckle.meshes.read import SurfaceMesh, read_mesh
+from turnbuckle.meshes.repair import check_surface
+from turnbuckle.meshes.shapes import six_volumes
+from turnbuckle.meshes.shell import Shell, box_shell, capsule_shell, cylinder_shell, sphere_shell
+from turnbuckle.meshes.tetrahedralise import tetrahedralise
+from turnbuckle.scene.build_rigid import rigid_shape
+from turnbuckle.scene.definitions import CoatingDef, PointsDef, PointsToPointDef, RigidDef, SceneDef, SolidDef
+
+MATERIAL = ("k_distance", "k_area", "k_volume", "damping_distance", "damping_area", "damping_volume")
+
+
+def expand_coatings(definition: SceneDef, folder: Path) -> SceneDef:
+    """The scene with each coating replaced by a solid, anchors on its kernel, and the constraint `NAME.kernel`.
+
+    A scene without coatings is returned as it is. Mesh paths are relative to ``folder``. Raises InputError that names
+    the coating.
+    """
+    coatings = [body for body in definition.bodies if isinstance(body, CoatingDef)]
+    if not coatings:
+        return definition
+    bodies: dict[str, Any] = {body.name: body for body in definition.bodies}
+    constraints = list(definition.constraints)
+    taken = {constraint.name for constraint in constraints}
+    for coating in coatings:
+        try:
+            kernel = bodies[coating.around]
+            if not isinstance(kernel, RigidDef):
+                raise InputError(f"'{coating.around}' is a {kernel.type}; a coating goes around a rigid body")
+            name = f"{coating.name}.kernel"
+            if name in taken:
+                raise InputError(f"its constraint would be called '{name}', as another is; rename that one")
+            shell = coating_shell(coating, kernel, folder)
+            anchors = len(rigid_shape(kernel, folder).vertices) + np.arange(len(shell.inner), dtype=np.int32)
+            bodies[kernel.name] = _with_anchors(kernel, shell.vertices[shell.inner] / kernel.scale)
+            bodies[coating.name] = _solid(coating, kernel, shell)
+            pair = [PointsDef(body=coating.name, indices=shell.inner), PointsDef(body=kernel.name, indices=anchors)]
+            constraints.append(PointsToPointDef(name=name, zip=pair))
+        except InputError as error:
+            text = str(error)
+            raise InputError(text if text.startswith("body '") else f"coating '{coating.name}': {text}") from None
+    return definition.model_copy(update={"bodies": list(bodies.values()), "constraints": constraints})
+
+
+def coating_shell(coating: CoatingDef, kernel: RigidDef, folder: Path) -> Shell:
+    """The material of a coating in the kernel's frame. Raises InputError."""
+    scale, edge, layers = kernel.scale, coating.edge_length, coating.layers or 1
+    if coating.thickness is None:
+        return _filled(coating, kernel, folder)
+    grown = coating.thickness, layers, edge
+    if kernel.box is not None:
+        return box_shell(kernel.box * scale, *grown)
+    if kernel.sphere is not None:
+        return sphere_shell(kernel.sphere * scale, *grown)
+    if kernel.cylinder is not None:
+        return cylinder_shell(kernel.cylinder.radius * scale, kernel.cylinder.length * scale, *grown)
+    if kernel.capsule is not None:
+        return capsule_shell(kernel.capsule.radius * scale, kernel.capsule.length * scale, *grown)
+    raise InputError(
+        f"thickness is measured around a box, sphere, cylinder or capsule, which '{kernel.name}' is not; "
+        "give the outer surface as mesh"
+    )
+
+
+def _filled(coating: CoatingDef, kernel: RigidDef, folder: Path) -> Shell:
+    """The user's outer surface filled with tetrahedra, less those all of whose corners are in the kernel."""
+    mesh = read_mesh(folder / Path(str(coating.mesh)).expanduser())
+    if not isinstance(mesh, SurfaceMesh):
+        raise InputError(f"mesh '{coating.mesh}' has no triangles; give the closed outer surface")
+    outer, triangles, found = check_surface(mesh.vertices, mesh.triangles)
+    points, cells = tetrahedralise(outer, triangles, edge_length=coating.edge_length)
+    shape = rigid_shape(kernel, folder)
+    inside = winding_numbers(points, shape.vertices, shape.triangles) > 0.5
+    kept = cells[~inside[cells].all(axis=1)]
+    if not len(kept):
+        raise InputError(f"mesh '{coating.mesh}' lies in the kernel '{kernel.name}'; give a surface around it")
+    used, index = np.unique(kept, return_inverse=True)
+    inner = np.flatnonzero(inside[used]).astype(np.int32)
+    held = points[used[inner]]
+    if len(inner) < 3 or np.linalg.matrix_rank(held - held.mean(axis=0), tol=1e-6 * np.ptp(outer)) < 2:
+        raise InputError(
+            f"only {len(inner)} points of its tetrahedra lie in the kernel '{kernel.name}', too few to hold it; "
+            "give a smaller edge_length, or move the mesh around the kernel"
+        )
+    points, kept = points[used], index.reshape(-1, 4).astype(np.int32)
+    volume = float(six_volumes(points, kept).sum() / 6.0)
+    solid = shape.vertices[np.unique(shape.triangles)]
+    if (winding_numbers(solid, outer, triangles) > 0.5).all():
+        # Elements cut by the kernel's surface lie in part inside it; the material itself does not.
+        corner = shape.vertices[shape.triangles]
+        volume = found.volume - float(np.einsum("ij,ij->", corner[:, 0], np.cross(corner[:, 1], corner[:, 2])) / 6.0)
+    return Shell(points, kept, inner, volume)
+
+
+def _with_anchors(kernel: RigidDef, points: np.ndarray) -> RigidDef:
+    anchors = points if kernel.anchors is None else np.concatenate([kernel.anchors, points])
+    anchors.setflags(write=False)
+    return kernel.model_copy(update={"anchors": anchors})
+
+
+def _solid(coating: CoatingDef, kernel: RigidDef, shell: Shell) -> SolidDef:
+    """The solid of the shell's tetrahedra where the kernel is. Its mass is that of the true volume."""
+    mass = coating.mass if coating.mass is not None else float(coating.density or 0.0) * shell.volume
+    return SolidDef(
+        name=coating.name,
+        position=kernel.position,
+        rotation=kernel.rotation,
+        velocity=kernel.velocity,
+        color=kernel.color if coating.color is None else coating.color,
+        vertices=shell.vertices,
+        tetrahedra=shell.tetrahedra,
+        mass=mass,
+        **{name: getattr(coating, name) for name in MATERIAL},
+    )
