@@ -10,6 +10,7 @@ import numpy as np
 from turnbuckle.data.groups import Group
 from turnbuckle.data.model import Model
 from turnbuckle.data.state import State
+from turnbuckle.scene.joint_limits import idle_limit_warnings
 from turnbuckle.scene.scene import Scene
 from turnbuckle.scene.stability import step_warning
 
@@ -42,6 +43,7 @@ def inspect_scene(scene: Scene) -> Inspection:
     warnings += conflict_warnings(list(state.groups.values()))
     warnings += far_warnings(model, state)
     warnings += domain_warnings(state)
+    warnings += idle_limit_warnings(definition)
     return Inspection(counts(scene, model, state), warnings)
 
 

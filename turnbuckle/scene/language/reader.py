@@ -16,6 +16,7 @@ from turnbuckle.data.errors import InputError
 from turnbuckle.scene.array_files import ArrayFiles
 from turnbuckle.scene.base_definition import Definition
 from turnbuckle.scene.definitions import SceneDef
+from turnbuckle.scene.joint_limits import idle_limits
 from turnbuckle.scene.language.parser import Description, classes_of, parse
 from turnbuckle.scene.language.tokens import LanguageError, Position
 from turnbuckle.scene.language.values import Place
@@ -68,11 +69,12 @@ def _refuse_constraints_only(parsed: Description, shown: str) -> None:
 class ConstraintsOnly:
     """What a file without objects says. `needed`: the objects that it is about, in the order of their first mention.
 
-    `definition` is checked with a stand-in for each of them.
+    `definition` is checked with a stand-in for each of them. `warnings`: one sentence each, with file, line, column.
     """
 
     definition: SceneDef
     needed: list[str]
+    warnings: list[str]
 
 
 def read_constraints_only(path: str | os.PathLike[str]) -> ConstraintsOnly | None:
@@ -91,7 +93,11 @@ def read_constraints_only(path: str | os.PathLike[str]) -> ConstraintsOnly | Non
     except ValidationError:
         pass  # a name that cannot be one: the constraint that says it is told below
     definition = _validated(parsed, ArrayFiles(path.parent), path.parent, str(path), stand_ins)
-    return ConstraintsOnly(definition, needed)
+    warnings = []
+    for i, what, text in idle_limits(definition):
+        position = _position(("constraints", i, what, "max"), parsed)
+        warnings.append(f"{path}:{position.line}:{position.column}: {text}")
+    return ConstraintsOnly(definition, needed, warnings)
 
 
 def bodies_named(value: Any) -> Iterable[str]:
