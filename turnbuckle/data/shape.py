@@ -11,14 +11,14 @@ def _empty(columns: int) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Skin:
-    """A triangle surface that moves with a coarser body (Local, section 5).
+    """A triangle surface that moves with coarser bodies.
 
-    A skin vertex is ``sum_k weights[i, k] * x[points[i, k]]``, its barycentric coordinates in a
-    tetrahedron of the body.
+    A skin vertex is ``sum_k weights[i, k] * x[points[i, k]]``: its barycentric coordinates in a tetrahedron (Local,
+    section 5), or a place on a spline surface over several bodies (Displacement, 5.1).
     """
 
-    points: np.ndarray  # (n, 4) int32, indices into the points of the state
-    weights: np.ndarray  # (n, 4) float64, rows sum to 1
+    points: np.ndarray  # (n, k) int32, indices into the points of the state
+    weights: np.ndarray  # (n, k) float64, rows sum to 1
     triangles: np.ndarray  # (m, 3) int32, indices into the n skin vertices
 
     def positions(self, x: np.ndarray) -> np.ndarray:
@@ -38,3 +38,4 @@ class Shape:
     tetrahedra: np.ndarray = field(default_factory=lambda: _empty(4))  # (n, 4) int32
     skin: Skin | None = None  # drawn instead of `triangles` when there
     color: tuple[float, float, float] | None = None  # RGB in [0, 1]
+    drawn: bool = True  # False for what a skin covers; its points are recorded all the same

@@ -54,13 +54,17 @@ def revolve(radii: np.ndarray, heights: np.ndarray, poles: tuple[float, float], 
     )
     ends = np.array([[0.0, 0.0, poles[0]], [0.0, 0.0, poles[1]]])
     vertices = np.concatenate([rings.reshape(-1, 3), ends])
-    low, high = len(vertices) - 2, len(vertices) - 1
-    ids = np.arange(len(radii) * around).reshape(len(radii), around)
+    return vertices, ring_triangles(len(radii), around)
+
+
+def ring_triangles(rings: int, around: int) -> np.ndarray:
+    """Triangles (m, 3) int32 over rings of vertices, ring by ring, closed by two poles, the last two vertices."""
+    ids = np.arange(rings * around).reshape(rings, around)
     after = np.roll(ids, -1, axis=1)
     a, b, c, d = ids[:-1].ravel(), after[:-1].ravel(), after[1:].ravel(), ids[1:].ravel()
-    pole = np.full(around, low), np.full(around, high)
-    triangles = [(a, b, c), (a, c, d), (pole[0], after[0], ids[0]), (pole[1], ids[-1], after[-1])]
-    return vertices, np.concatenate([np.stack(t, axis=1) for t in triangles]).astype(np.int32)
+    low, high = np.full(around, rings * around), np.full(around, rings * around + 1)
+    triangles = [(a, b, c), (a, c, d), (low, after[0], ids[0]), (high, ids[-1], after[-1])]
+    return np.concatenate([np.stack(t, axis=1) for t in triangles]).astype(np.int32)
 
 
 def _positive(what: str, sizes: object) -> np.ndarray:
