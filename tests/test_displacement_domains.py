@@ -75,7 +75,9 @@ def test_held_directions_span_the_gap(domain: Domain) -> None:
         assert np.abs(gap[free]).max(initial=0.0) < 1e-9
     assert (gap[held.one_sided & ~free] < 1e-12).all()
     for k in range(3):
-        tip = (np.linalg.norm(held.point[:, None] - TETRAHEDRON, axis=2) < 1e-9).any(axis=1)  # there it is the gap's way
+        tip = (np.linalg.norm(held.point[:, None] - TETRAHEDRON, axis=2) < 1e-9).any(
+            axis=1
+        )  # there it is the gap's way
         row = np.flatnonzero(held.one_sided[:, k] & ~free[:, k] & ~(tip & isinstance(domain, Surface)))
         inside = held.point[row] + 1e-5 * held.directions[row, k]
         assert (np.linalg.norm(domain.nearest(inside) - inside, axis=1) < 1e-8).all()
@@ -94,7 +96,9 @@ def test_newton_on_held_directions_is_quadratic_on_curved_domains(domain: Domain
         gap = np.where(mask, np.einsum("nij,nj->ni", held.directions, p - held.point), 0.0)
         drag = np.array([0.01, -0.004, 0.006]) * np.linalg.norm(gap, axis=1, keepdims=True)
         p = p - np.einsum("nij,ni->nj", held.directions, gap) + drag
-        p = p - np.einsum("nij,ni->nj", held.directions, np.where(mask, np.einsum("nij,nj->ni", held.directions, drag), 0))
+        p = p - np.einsum(
+            "nij,ni->nj", held.directions, np.where(mask, np.einsum("nij,nj->ni", held.directions, drag), 0)
+        )
         gaps.append(np.linalg.norm(domain.nearest(p) - p, axis=1)[~held.one_sided.any(axis=1)].max())
     assert gaps[-1] < 1e-13
 

@@ -1,7 +1,7 @@
 """Domains that a point may be in: one mechanism, the nearest permissible point (Displacement, 4.1.3).
 
-All coordinates are those of the domain's own frame; of `Segment`, `Ring` and `Sphere` z is the axis and the origin the
-middle. Curves are in `curve_domain.py`, surfaces in `surface_domain.py`. A user's domain is a function (`CallableDomain`).
+All coordinates are those of the domain's own frame; of `Segment`, `Ring` and `Sphere` z is the axis and the origin
+the middle. Curves are in `curve_domain.py`, surfaces in `surface_domain.py`. A user's domain is a function.
 
 A domain answers two questions for points p (n, 3):
 
@@ -27,10 +27,10 @@ class Held:
     """What a domain holds of points near it.
 
     With d_k = ``directions[:, k]`` and P the point, the condition is ``d_k . (P - point) = 0`` for k < count where
-    ``one_sided`` is False, and ``>= 0`` where it is True (d_k points into the domain). The rows of ``directions`` are an
-    orthonormal basis, those from count on are free. Held directions are the gradients of the gaps at ``point``, so that
-    Newton steps with them converge quadratically on smooth domains however they are curved. The choice of basis within
-    the held directions may jump from call to call: keep forces as vectors, not as multipliers.
+    ``one_sided`` is False, and ``>= 0`` where it is True (d_k points into the domain). The rows of ``directions`` are
+    an orthonormal basis, those from count on are free. Held directions are the gradients of the gaps at ``point``, so
+    that Newton steps converge quadratically on smooth domains however they are curved. The choice of basis within the
+    held directions may jump from call to call: keep forces as vectors, not as multipliers.
     """
 
     point: np.ndarray  # (n, 3) nearest permissible point [m]
@@ -187,9 +187,8 @@ class CallableDomain(Domain):
         except Exception as error:
             raise InputError(f"{self._name}: the domain's function fails at {p.tolist()} ({error!r})") from error
         if found.shape != (3,) or not np.isfinite(found).all():
-            raise InputError(
-                f"{self._name}: the domain's function must return three finite numbers, at {p.tolist()} it gave {found!r}"
-            )
+            where = f"{self._name}: the domain's function, at {p.tolist()},"
+            raise InputError(f"{where} gave {found!r}; it must return three finite numbers")
         return found
 
     def held(self, p: np.ndarray) -> Held:

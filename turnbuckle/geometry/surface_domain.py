@@ -8,7 +8,7 @@ from turnbuckle.geometry.domains import AT_LIMIT, Domain, Held, basis
 
 
 def nearest_on_triangles(p: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """Barycentric weights (n, 3) of the place of triangle ``corners[i]`` (3, 3) nearest to ``p[i]``, exactly 0 on edges."""
+    """Weights (n, 3) of the place of triangle ``corners[i]`` (3, 3) nearest to ``p[i]``, exactly 0 on edges."""
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
     u, v, w = b - a, c - a, p - a
     uu, uv, vv, wu, wv = (np.einsum("nd,nd->n", s, t) for s, t in ((u, u), (u, v), (v, v), (w, u), (w, v)))
@@ -50,7 +50,9 @@ class Surface(Domain):
         normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         area = np.linalg.norm(normal, axis=1)
         if len(area) == 0 or (area == 0.0).any():
-            raise InputError(f"{name}: triangle {int(np.argmin(area)) if len(area) else 0} has no area; repair the mesh")
+            raise InputError(
+                f"{name}: triangle {int(np.argmin(area)) if len(area) else 0} has no area; repair the mesh"
+            )
         self.normal = normal / area[:, None]
         self._corners, self._middle = corners, corners.mean(axis=1)
         self._reach = float(np.linalg.norm(corners - self._middle[:, None], axis=2).max())

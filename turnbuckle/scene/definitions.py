@@ -186,7 +186,10 @@ class DisplacementDef(Definition):
     """Options of the `displacement` solver (Displacement, 2.2 and 3)."""
 
     scheme: Literal[1, 2] = Field(default=2, description="Scheme one (3.1.2) or two (3.1.3) [1].")
-    alpha: Positive = Field(default=1.0, description="Factor on m1 m2 / (m1 + m2): speed of convergence [1].")
+    alpha: Positive | None = Field(
+        default=None,
+        description="Factor on m1 m2 / (m1 + m2), 1 as printed; found for each gap when left out (slender bodies) [1].",
+    )
     weights: Literal["max", "sum"] = Field(
         default="max", description="1/max(n_i, n_j), or the plain sum, which may diverge (3.2) [text]."
     )

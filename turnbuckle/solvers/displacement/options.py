@@ -1,0 +1,56 @@
+"""Options and result of the displacement solver."""
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+WORST = 5  # joints named in a warning
+
+
+@dataclass(frozen=True)
+class DisplacementOptions:
+    """As the user's `DisplacementDef`; anything with these attributes will do."""
+
+    scheme: Literal[1, 2] = 2
+    alpha: float | None = None  # factor on m1 m2 / (m1 + m2); None: the one that suits each gap, see `displace`
+    weights: Literal["max", "sum"] = "max"
+    tolerance: float = 1e-6  # [m or rad]
+    max_iterations: int = 200
+    on_limit: Literal["continue", "stop"] = "continue"
+    mobility: Literal["physical", "user_parameter"] = "physical"
+    max_rotation: float = 0.5  # of a body in an iteration [rad]
+
+
+@dataclass
+class DisplacementResult:
+    """Where the bodies went, and what is left open."""
+
+    x: np.ndarray  # (n, 3) centres of mass [m]
+    q: np.ndarray  # (n, 4) xyzw
+    points: np.ndarray  # (m, 3) mass points [m]
+    iterations: int
+    converged: bool
+    names: list[str]  # (k,) joints, then ties
+    gap: np.ndarray  # (k,) [m], largest of each
+    angle: np.ndarray  # (k,) [rad]
+    history: list[float] = field(default_factory=list)  # largest gap before each iteration [m or rad]
+
+    def worst(self, count: int = WORST) -> list[tuple[str, float, float]]:
+        """Name, gap [m] and angle [rad] of the joints that are furthest open, the worst first, none that is closed."""
+        size = np.maximum(self.gap, self.angle)
+        order = np.argsort(-size, kind="stable")[:count]
+        return [(self.names[i], float(self.gap[i]), float(self.angle[i])) for i in order if size[i] > 0.0]
+
+    def warning(self) -> str:
+        """What to tell the user when the limit on iterations was reached, empty when all joints closed."""
+        if self.converged:
+            return ""
+        named = ", ".join(
+            f"'{name}' by {gap:.3g} m" + (f" and {angle:.3g} rad" if angle > 0.0 else "")
+            for name, gap, angle in self.worst()
+        )
+        return (
+            f"displacement: joints are still open after {self.iterations} iterations, the worst are {named}; "
+            "allow more iterations or look for joints that contradict each other"
+        )
