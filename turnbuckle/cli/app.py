@@ -6,6 +6,7 @@ import typer
 
 from turnbuckle.cli.bench import bench
 from turnbuckle.cli.check import check
+from turnbuckle.cli.convert import convert
 from turnbuckle.cli.run import run
 from turnbuckle.cli.scenes import scenes
 from turnbuckle.cli.schema import schema
@@ -39,7 +40,7 @@ def options(
     """Exact constrained dynamics of ropes, nets, cloth and deformable solids."""
 
 
-for verb in (run, check, scenes, schema, bench):
+for verb in (run, check, convert, scenes, schema, bench):
     app.command()(verb)
 
 

@@ -34,7 +34,7 @@ def load_scene(text: str, assignments: Sequence[str] = ()) -> Scene:
 
 def _is_path(text: str) -> bool:
     path = Path(text)
-    return path.suffix.lower() in (".yaml", ".yml", ".json") or len(path.parts) > 1 or path.exists()
+    return path.suffix.lower() in (".yaml", ".yml", ".json", ".gascuel") or len(path.parts) > 1 or path.exists()
 
 
 def _ready_scene(name: str, make: Callable[..., Scene], assignments: Sequence[str]) -> tuple[Scene, list[str]]:

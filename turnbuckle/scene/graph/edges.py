@@ -10,6 +10,7 @@ from turnbuckle.scene.definitions import (
     AttachDef,
     BallDef,
     BodyPairDef,
+    CoatingDef,
     ConstraintDef,
     DistanceDef,
     JointDef,
@@ -50,10 +51,15 @@ class ConstraintGraph:
 
 
 def constraint_graph(definition: SceneDef) -> ConstraintGraph:
-    """The graph of a scene. Disabled constraints are in it: they can be switched on."""
-    edges = [Edge(ends, kind_of(item), item.name) for item in definition.constraints for ends in ends_of(item)]
+    """The graph of a scene. A coating is one with its kernel. What is disabled is in it: it can be switched on."""
+    kernel: dict[Node, Node] = {body.name: body.around for body in definition.bodies if isinstance(body, CoatingDef)}
+    edges = []
+    for item in definition.constraints:
+        for a, b in ends_of(item):
+            ends = kernel.get(a, a), kernel.get(b, b)
+            edges.append(Edge(ends, kind_of(item), item.name))
     tied = {end for edge in edges for end in edge.ends}
-    names: list[str] = [body.name for body in definition.bodies]
+    names: list[str] = [body.name for body in definition.bodies if body.name not in kernel]
     nodes: list[Node] = [WORLD] if WORLD in tied else []
     nodes += [name for name in names if name in tied]
     return ConstraintGraph(nodes, edges, [name for name in names if name not in tied])

@@ -35,8 +35,9 @@ def layout(count: int, edges: list[tuple[int, int]], ground: int | None = None) 
 
 
 def _index(members: np.ndarray, node: int | None) -> int | None:
-    found = np.flatnonzero(members == node) if node is not None else []
-    return int(found[0]) if len(found) else None
+    if node is None or node not in members:
+        return None
+    return int(np.flatnonzero(members == node)[0])
 
 
 def _majorised(d: np.ndarray) -> np.ndarray:

@@ -1,7 +1,7 @@
 """Tokens to nested dicts and lists as in a scene file, with the place in the text of everything.
 
     file      = { block }
-    block     = ("world" | "object" NAME | "force" | "constraint") { statement [";"] } "end" [";"]
+    block     = ("world" | "object" NAME | "force" | "constraint" | "skin") { statement [";"] } "end" [";"]
     statement = WORD values { OPTION values }
 
 Which words there are, and which values follow them, is read off the definitions (`words.py`, `forms.py`).
@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from turnbuckle.scene.base_definition import Definition
-from turnbuckle.scene.definitions import ForceDef, JointDef, SceneDef
+from turnbuckle.scene.definitions import JointDef, SceneDef
 from turnbuckle.scene.language.forms import Form, form_of, types_in
 from turnbuckle.scene.language.tokens import LanguageError, Position, Token, tokenise
 from turnbuckle.scene.language.values import MAX_DEPTH, Place, Values
@@ -57,7 +57,7 @@ def classes_of(kind: str) -> dict[str, type[Definition]]:
     """The definitions that a block may become, by type."""
     if kind in DEFAULT_TYPES:
         return types_in(SceneDef, LISTS[kind])
-    return {"force": ForceDef} if kind == "force" else {"world": SceneDef}
+    return {kind: form_of(SceneDef, LISTS[kind]).records[0]} if kind in LISTS else {kind: SceneDef}
 
 
 class _Parser(Values):
@@ -76,7 +76,7 @@ class _Parser(Values):
                 near = near if near.startswith(", did") else ""
                 if normal(self.token.written) in all_words(JointDef):
                     near = ", which stands in a constraint"
-                raise self.expected("'constraint', 'object', 'force' or 'world'", near)
+                raise self.expected("'constraint', 'object', 'force', 'skin' or 'world'", near)
             self.block()
         return self.result
 

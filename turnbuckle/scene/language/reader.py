@@ -56,7 +56,7 @@ def add_description(path: str | os.PathLike[str], scene: SceneDef, folder: Path)
 
 
 def _refuse_constraints_only(parsed: Description, shown: str) -> None:
-    needed = list(dict.fromkeys(bodies_named([parsed.data["forces"], parsed.data["constraints"]])))
+    needed = list(dict.fromkeys(bodies_named([parsed.data[name] for name in LISTS.values()])))
     if needed and not parsed.data["bodies"]:
         some = ", ".join(needed[:12]) + (", ..." if len(needed) > 12 else "")
         raise InputError(
@@ -78,15 +78,15 @@ class ConstraintsOnly:
 
 
 def read_constraints_only(path: str | os.PathLike[str]) -> ConstraintsOnly | None:
-    """A file with constraints and forces but without objects, checked as far as can be; None for any other file.
+    """A file with constraints, forces or skins but without objects, checked as far as can be; None for any other file.
 
     Raises `InputError`.
     """
     path = Path(path)
     parsed = _parsed(read_text(path), str(path))
-    if parsed.data["bodies"] or not (parsed.data["constraints"] or parsed.data["forces"]):
+    if parsed.data["bodies"] or not any(parsed.data[name] for name in LISTS.values()):
         return None
-    needed = list(dict.fromkeys(bodies_named([parsed.data["forces"], parsed.data["constraints"]])))
+    needed = list(dict.fromkeys(bodies_named([parsed.data[name] for name in LISTS.values()])))
     stand_ins = SceneDef.model_construct(bodies=[], forces=[], constraints=[])
     try:
         stand_ins = SceneDef.model_validate({"bodies": [{"type": "rigid", "name": n, "sphere": 1.0} for n in needed]})
@@ -187,7 +187,7 @@ def _label(place: Place, parsed: Description, data: dict[str, Any], first: dict[
     if block != "world" and len(place) > 1 and isinstance(place[1], int):
         item = data[str(place[0])][place[1] + first[str(place[0])]]
         words = [f"{block} {item['name']!r}" if "name" in item else block]
-        kind = classes_of(block).get(item.get("type", "force"))
+        kind = classes_of(block).get(item.get("type", block))
         rest = place[2:]
     path = []
     for part in rest:

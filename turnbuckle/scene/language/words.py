@@ -30,13 +30,15 @@ from turnbuckle.scene.definitions import (
     RopeDef,
     RoundDef,
     SceneDef,
+    SectionDef,
+    SkinDef,
     SlideOnDef,
     TwistDef,
 )
 from turnbuckle.scene.language.forms import form_of
 
-BLOCKS = ("world", "object", "force", "constraint")
-LISTS = {"object": "bodies", "force": "forces", "constraint": "constraints"}
+LISTS = {"object": "bodies", "force": "forces", "constraint": "constraints", "skin": "skins"}
+BLOCKS = ("world", *LISTS)
 # No bare name may be one of these: a name forgotten before them must not swallow them. Quoted, it may.
 RESERVED = {
     *(*BLOCKS, "end", "object1", "object2", "hinge", "axial", "planar", "angle", "twist", "about", "min", "max"),
@@ -58,6 +60,8 @@ _OWN: dict[type[Definition], dict[str, str]] = {
     AttachToDef: {"body": "of"},
     SlideOnDef: {"body": "of"},
     CoincidentDef: {"bodies": "objects"},
+    SkinDef: {"bodies": "objects", "sections": "section"},
+    SectionDef: {"body": "of"},
     AngleDef: {"axis0": "a1", "axis1": "a2"},
     TwistDef: {"vector0": "b1", "vector1": "b2"},
 }

@@ -81,6 +81,8 @@ def _said(kind: type[Definition], name: str, value: Any, inner: bool) -> str:
         return word
     if isinstance(value, bool):
         return f"{word} {next(text for text, flag in FLAGS.items() if flag is value)}"
+    if name == "bodies":
+        return f"{word} ({' '.join(_text(one) for one in value)})"
     return f"{word} {_value(form_of(kind, name), value, inner)}".rstrip()
 
 
@@ -123,12 +125,9 @@ def _record(kind: type[Definition], value: dict[str, Any]) -> str:
         parts.extend(f"{word_of(kind, name)} ({_entry(form, entry)})" for entry in entries)
         if not entries:
             parts.append(_said(kind, name, inner, True))
-    return "  ".join(parts) if len(given) > 1 and len(parts) == len(given) else " ".join(_spaced(parts, len(given)))
-
-
-def _spaced(parts: list[str], given: int) -> list[str]:
-    """Two vectors without a word stand a little apart."""
-    return [part + " " if k < given - 1 else part for k, part in enumerate(parts)]
+    for k in range(len(given) - 1):  # two vectors without a word stand a little apart
+        parts[k] += " " if isinstance(value[given[k]], np.ndarray) else ""
+    return " ".join(parts)
 
 
 def _array(value: np.ndarray) -> str:
