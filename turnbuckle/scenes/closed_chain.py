@@ -24,6 +24,15 @@ def hanging_slopes(n: int, span: float) -> tuple[np.ndarray, float]:
     return np.arctan(middle / pull), pull
 
 
+def chain_shape(n: int, length: float, span: float, tilt: float) -> tuple[np.ndarray, Rotation]:
+    """Ends of the boxes (n + 1, 3) [m] and their orientations (n); boxes lie along their x axes, z is up."""
+    slope, _ = hanging_slopes(n, span)
+    turn = Rotation.from_rotvec([tilt, 0.0, 0.0])
+    along = turn.apply(length * np.stack([np.cos(slope), np.zeros(n), np.sin(slope)], axis=1))
+    ends = np.concatenate([np.zeros((1, 3)), np.cumsum(along, axis=0)])
+    return ends - [0.5 * ends[-1, 0], 0.0, 0.0], turn * Rotation.from_rotvec(np.outer(slope, [0.0, -1.0, 0.0]))
+
+
 def closed_chain(
     n: int = 100,
     length: float = 0.2,
@@ -45,13 +54,8 @@ def closed_chain(
         raise InputError(f"closed_chain: n = {n}; at least 2 boxes are needed")
     if not 0.0 < span < 1.0:
         raise InputError(f"closed_chain: span = {span:g} must be between 0 and 1")
-    slope, _ = hanging_slopes(n, span)
-    turn = Rotation.from_rotvec([tilt, 0.0, 0.0])
-    along = turn.apply(length * np.stack([np.cos(slope), np.zeros(n), np.sin(slope)], axis=1))
-    ends = np.concatenate([np.zeros((1, 3)), np.cumsum(along, axis=0)])
-    ends -= [0.5 * ends[-1, 0], 0.0, 0.0]
-    turns = (turn * Rotation.from_rotvec(np.outer(slope, [0.0, -1.0, 0.0]))).as_rotvec()
-
+    ends, orientations = chain_shape(n, length, span, tilt)
+    turns = orientations.as_rotvec()
     left, right = [-0.5 * length, 0.0, 0.0], [0.5 * length, 0.0, 0.0]
     boxes = [
         {
