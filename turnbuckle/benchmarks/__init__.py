@@ -16,4 +16,6 @@ def _measure(module: str, console: Any = None, folder: Path | None = None) -> An
     return importlib.import_module(f"turnbuckle.benchmarks.{module}").measure(console, folder)
 
 
-REGISTRY: dict[str, Benchmark] = {name: partial(_measure, name) for name in ("curtain", "constraints", "scaling", "chain", "monocycle")}
+REGISTRY: dict[str, Benchmark] = {
+    name: partial(_measure, name) for name in ("curtain", "constraints", "scaling", "chain", "monocycle")
+}
