@@ -1,6 +1,6 @@
 """Rigid bodies and joints as arrays, written by hand, for tests of solvers without a scene."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -42,10 +42,13 @@ class Mechanism:
 
     def bodies(self) -> RigidBodies:
         n = len(self.names)
-        return RigidBodies(
-            tuple(self.names), np.array(self.motion), np.array(self.mass), np.array(self.inertia), np.zeros((n, 3)),
-            np.tile([0.0, 0, 0, 1], (n, 1)), np.zeros((n, 2)), np.array(self.ability), *np.zeros((2, n), int),
-        )  # fmt: skip
+        columns = {
+            "names": tuple(self.names), "motion": np.array(self.motion), "mass": np.array(self.mass),
+            "inertia": np.array(self.inertia), "frame_x": np.zeros((n, 3)), "frame_q": np.tile([0.0, 0, 0, 1], (n, 1)),
+            "damping": np.zeros((n, 2)), "ability_to_rotate": np.array(self.ability), "local": np.zeros((0, 3)),
+            "begin": np.zeros(n, int), "end": np.zeros(n, int),
+        }  # fmt: skip
+        return RigidBodies(**{f.name: columns[f.name] for f in fields(RigidBodies) if f.name in columns})
 
     def parts(self) -> JointParts:
         def column(name: str, default) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Nearest permissible points (Displacement, 4.1) against dense sampling, and what domains hold against the definition."""
+"""Nearest permissible points (Displacement, 4.1) against dense samples, and what domains hold."""
 
 import numpy as np
 import pytest
@@ -61,7 +61,7 @@ def test_nearest_is_permissible_and_no_sample_is_nearer(domain: Domain) -> None:
 
 @pytest.mark.parametrize("domain", DOMAINS.values(), ids=DOMAINS)
 def test_held_directions_span_the_gap(domain: Domain) -> None:
-    """The way to the nearest point lies in what is held, one-sided directions point into the domain, free ones follow."""
+    """The way to the nearest point lies in what is held; one-sided directions point into the domain."""
     p = spread(80)
     held = domain.held(p)
     np.testing.assert_allclose(held.point, domain.nearest(p), atol=1e-12)

@@ -105,6 +105,22 @@ class Conditions:
             p[rows], gap[rows] = self._rolling_gaps(poses, start)
         return p, gap
 
+    def held(self, poses: Poses, gap: np.ndarray) -> np.ndarray:
+        """Projectors (n, 3, 3) on the directions in which the conditions `placed` may push: no friction along domains.
+
+        All of a point and of a rolling wheel, those across a segment between its ends, else that of the gap alone.
+        """
+        kind, size = self.kind[self.placed], norm(gap)
+        n = gap / np.where(size > 0.0, size, 1.0)[:, None]
+        out = n[:, :, None] * n[:, None, :]
+        out[(kind == rigid.POINT) | (kind == rigid.ROLLING)] = np.eye(3)
+        rows = np.flatnonzero(kind == rigid.SEGMENT)
+        if len(rows):
+            axis = rotate(self.frames(poses, self.placed[rows])[1], np.array([[0.0, 0.0, 1.0]]))
+            ended = np.abs(dot(axis, gap[rows])) > 1e-9 * size[rows]
+            out[rows] = np.eye(3) - np.where(ended, 0.0, 1.0)[:, None, None] * axis[:, :, None] * axis[:, None, :]
+        return out
+
     def contact_arms(self, poses: Poses) -> tuple[np.ndarray, np.ndarray]:
         """From the centres of rolling wheels to where they touch, and the normals of the planes."""
         frame_a, frame_b = self.frames(poses, self.rolling)

@@ -7,9 +7,10 @@ by the gaps that are left *after* the combined rotation (19).
 
 With ``alpha`` a number, ``alpha m1 m2 / (m1 + m2)`` stands for the factor in (14), (15), (18), (19); 1 is the paper's
 choice. For slender bodies that turns too far: a rod pulled at its end turns by three times the gap, and a chain of rods
-diverges. Without a number, alpha is found for each gap g: 1 / (1 + rho), where rho g is what the rotations (18) close
-of it. Then rotation and translation are in the proportion of (13) *after* both have been applied, one joint alone
-closes in one iteration to first order, and chains converge. In scheme two (19) then closes all that is left.
+diverges. Without a number, the pull f that takes the place of ``alpha g`` is found for each gap g from
+``(I + B) f = g``, where B is how the gap follows rotations (18). Then rotation and translation stay in the proportion
+of (13) after both are applied, one joint alone closes in one iteration and keeps its angular momentum to first order,
+and chains converge. In scheme two (19) then closes all that is left.
 
 Angles and twists: a joint turns a and b by ``J_a^-1 L`` and ``-J_b^-1 L``, which keeps angular momentum.
 """
@@ -64,9 +65,9 @@ class Displacement:
         alphas = np.array([joint.alpha for joint in joints], dtype=float)
         if options.alpha is not None:
             alphas = np.where(np.isfinite(alphas), alphas, options.alpha)
-        self._alpha = alphas  # NaN: found for each gap
         self._weigh(joints, inverse > 0.0)
-        self._turning = Turning(self.conditions, self.mobility, alphas)
+        self._turning = Turning(self.conditions, self.mobility, alphas)  # NaN: found for each gap
+        self._exact = np.where(np.isfinite(alphas), alphas, 1.0)[self._placed]
 
     def _weigh(self, joints: list[Joint], movable: np.ndarray) -> None:
         """Weights of joints and ties, and the matrices that sum weighted corrections on bodies and mass points.
@@ -122,26 +123,24 @@ class Displacement:
             p, gap = c.translation_gaps(poses, begin)
             places = ties.places(poses, points)
             missing = ties.gaps(places)
-            turns, alpha, angle = self._turning.of_joints(poses, p, gap, self._placed, self._part)
+            turns, pull, angle = self._turning.of_joints(poses, p, gap, self._placed, self._part)
             largest = max(norm(gap).max(initial=0.0), norm(missing).max(initial=0.0), angle.max(initial=0.0))
             history.append(float(largest))
             converged = largest <= options.tolerance
             if converged or stuck or iteration >= options.max_iterations or not np.isfinite(largest):
                 break
-            tie_turns, tie_alpha = self._turning.of_ties(poses, places, missing, ties, options.alpha)
+            tie_turns, tie_pull = self._turning.of_ties(poses, places, missing, ties, options.alpha)
             rotation = (self._sum @ np.concatenate([turns, tie_turns]))[: self.count]
             rotation = _limited(rotation, options.max_rotation)
             poses = Poses(poses.x, multiply(exponential(rotation), poses.q))
             if options.scheme == 2:
                 _, gap = c.translation_gaps(poses, begin)
-                missing = ties.gaps(ties.places(poses, points))
-                alpha = np.where(np.isfinite(self._alpha), alpha, 1.0)
-                tie_alpha = np.full(len(missing), 1.0 if options.alpha is None else options.alpha)
-            pull = np.zeros((k, 3))
-            np.add.at(pull, self._placed, (alpha[self._placed] * self._part)[:, None] * gap)
-            pulls = share[:, None] * np.concatenate([pull, -pull])
-            tie_pulls = ties.share[:, None] * (tie_alpha[:, None] * missing)[ties.row]
-            shift = self._sum @ np.concatenate([pulls, tie_pulls])
+                pull = (self._exact * self._part)[:, None] * gap
+                tie_pull = ties.gaps(ties.places(poses, points)) * (1.0 if options.alpha is None else options.alpha)
+            total = np.zeros((k, 3))
+            np.add.at(total, self._placed, pull)
+            pulls = share[:, None] * np.concatenate([total, -total])
+            shift = self._sum @ np.concatenate([pulls, ties.share[:, None] * tie_pull[ties.row]])
             poses = Poses(poses.x + shift[: self.count], poses.q)
             points = points + shift[self.count : units]
             stuck = max(norm(shift).max(initial=0.0), norm(rotation).max(initial=0.0)) < STUCK * largest

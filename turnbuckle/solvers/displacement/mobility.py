@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from turnbuckle.data.rigid import DYNAMIC, Joint, RigidBodies
-from turnbuckle.geometry.quaternions import conjugate, rotate
 
 
 @dataclass(frozen=True)
@@ -21,11 +20,6 @@ class Mobility:
     turning: np.ndarray  # (n, 3) C along the principal axes [1/m^2], 0 where immobile
     share_a: np.ndarray  # (joints,) part of a correction that body a takes [1]
     share_b: np.ndarray
-
-    def turned(self, q: np.ndarray, body: np.ndarray, torque: np.ndarray) -> np.ndarray:
-        """C times vectors (k, 3) in the world, of the bodies ``body`` (k,), turned by ``q`` (n, 4)."""
-        frame = q[body]
-        return rotate(frame, self.turning[body] * rotate(conjugate(frame), torque))
 
 
 def mobility(bodies: RigidBodies, joints: list[Joint], user_parameter: bool) -> Mobility:

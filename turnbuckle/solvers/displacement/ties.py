@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from turnbuckle.geometry.quaternions import cross, dot, rotate
+from turnbuckle.geometry.quaternions import rotate
 from turnbuckle.solvers.displacement.conditions import Poses
 
 
@@ -69,20 +69,3 @@ class TieRows:
         np.add.at(total, self.row, ties.weight[:, None] * places)
         gap = ties.target - total
         return gap if ties.directions is None else np.einsum("rij,rj->ri", ties.directions, gap)
-
-    def torques(self, gap: np.ndarray, places: np.ndarray, poses: Poses) -> np.ndarray:
-        """``r x g`` of each entry (entries, 3), 0 for mass points."""
-        out = np.zeros_like(places)
-        r = self.rigid
-        out[r] = cross(places[r] - poses.x[self.ties.body[r]], gap[self.row[r]])
-        return out
-
-    def give_by_rotation(self, gap: np.ndarray, turn: np.ndarray, places: np.ndarray, poses: Poses) -> np.ndarray:
-        """How much of a gap of 1 the rotations ``turn`` (entries, 3) close, (rows,)."""
-        r = self.rigid
-        way = np.zeros_like(places)
-        way[r] = self.ties.weight[r, None] * cross(turn[r], places[r] - poses.x[self.ties.body[r]])
-        closed = np.zeros_like(gap)
-        np.add.at(closed, self.row, way)
-        size = dot(gap, gap)
-        return np.where(size > 0.0, dot(closed, gap) / np.where(size > 0.0, size, 1.0), 0.0)

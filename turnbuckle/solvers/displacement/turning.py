@@ -5,7 +5,7 @@ Each kind sees the bodies as the rotations of its own joint before it will have 
 
 import numpy as np
 
-from turnbuckle.geometry.quaternions import cross, dot, exponential, matrices, multiply, norm, rotate
+from turnbuckle.geometry.quaternions import cross, exponential, matrices, multiply, norm, rotate
 from turnbuckle.solvers.displacement.conditions import Conditions, Poses
 from turnbuckle.solvers.displacement.mobility import Mobility
 from turnbuckle.solvers.displacement.ties import TieRows
@@ -22,30 +22,29 @@ class Turning:
     def of_joints(
         self, poses: Poses, p: np.ndarray, gap: np.ndarray, placed: np.ndarray, part: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Rotation vectors of bodies a of all joints, then of b (2 joints, 3); alpha; largest angle missing.
+        """Rotation vectors of bodies a of all joints, then of b (2 joints, 3); pulls of `placed`; angles missing.
 
         ``p``, ``gap``: points of application and gaps of the conditions `placed`, of the joints ``placed``.
         """
         c, m = self._c, self._m
         k = len(m.share_a)
         rows = c.placed
-        a, b = c.a[rows], c.b[rows]
-        arm_a, arm_b = p - poses.x[a], p + gap - poses.x[b]
-        turn_a = m.share_a[placed, None] * m.turned(poses.q, a, cross(arm_a, gap))
-        turn_b = m.share_b[placed, None] * m.turned(poses.q, b, -cross(arm_b, gap))
-        size = dot(gap, gap)
-        closed = dot(cross(turn_a, arm_a) - cross(turn_b, arm_b), gap) / np.where(size > 0.0, size, 1.0)
-        found = np.ones(k)
-        np.minimum.at(found, placed, 1.0 / (1.0 + np.maximum(closed, 0.0)))
-        alpha = np.where(np.isfinite(self._alpha), self._alpha, found)
-        factor = (alpha[placed] * part)[:, None]
+        arm_a, arm_b = p - poses.x[c.a[rows]], p + gap - poses.x[c.b[rows]]
+        give_a, give_b = self._give(poses, rows)
+        alpha = self._alpha[placed]
+        pull = gap * alpha[:, None]
+        found = np.isnan(alpha)
+        if found.any():
+            give = give_of_places(give_a, arm_a) + give_of_places(give_b, arm_b)
+            pull = np.where(found[:, None], pulls(give, c.held(poses, gap), gap), pull)
         of_a, of_b = np.zeros((k, 3)), np.zeros((k, 3))
-        np.add.at(of_a, placed, factor * turn_a)
-        np.add.at(of_b, placed, factor * turn_b)
+        pull = pull * part[:, None]
+        np.add.at(of_a, placed, np.einsum("nij,nj->ni", give_a, cross(arm_a, pull)))
+        np.subtract.at(of_b, placed, np.einsum("nij,nj->ni", give_b, cross(arm_b, pull)))
         angle = np.zeros(k)
         if self._turns:
             self._add_angles(poses, of_a, of_b, angle)
-        return np.concatenate([of_a, of_b]), alpha, angle
+        return np.concatenate([of_a, of_b]), pull, angle
 
     def _add_angles(self, poses: Poses, of_a: np.ndarray, of_b: np.ndarray, angle: np.ndarray) -> None:
         """Add rotations for angles and suppressed rotations, then for twists; ``angle`` gets what is missing now."""
@@ -87,12 +86,9 @@ class Turning:
     def _give(self, poses: Poses, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Rotations of a and of b for a unit of angular impulse, (n, 3, 3) each: ``t C``."""
         c, m = self._c, self._m
-        out = []
-        for body, share in ((c.a[rows], m.share_a), (c.b[rows], m.share_b)):
-            r = matrices(poses.q[body])
-            scaled = r * (share[c.joint[rows], None] * m.turning[body])[:, None, :]
-            out.append(scaled @ r.transpose(0, 2, 1))
-        return out[0], out[1]
+        a, b, joint = c.a[rows], c.b[rows], c.joint[rows]
+        give_a = turned_tensors(poses.q[a], m.share_a[joint, None] * m.turning[a])
+        return give_a, turned_tensors(poses.q[b], m.share_b[joint, None] * m.turning[b])
 
     @staticmethod
     def _add(
@@ -110,16 +106,43 @@ class Turning:
     def of_ties(
         self, poses: Poses, places: np.ndarray, missing: np.ndarray, ties: TieRows, alpha: float | None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Rotation vectors of the bodies of all entries (entries, 3), and alpha of the rows."""
+        """Rotation vectors of the bodies of all entries (entries, 3), and pulls of the rows (rows, 3)."""
         turn = np.zeros_like(places)
-        r = ties.rigid
+        r = np.flatnonzero(ties.rigid)
+        if len(r) == 0:
+            return turn, missing if alpha is None else alpha * missing
         body = ties.ties.body[r]
-        turn[r] = ties.share[r, None] * self._m.turned(poses.q, body, ties.torques(missing, places, poses)[r])
+        arm = places[r] - poses.x[body]
+        give = turned_tensors(poses.q[body], ties.share[r, None] * self._m.turning[body])
         if alpha is None:
-            factor = 1.0 / (1.0 + np.maximum(ties.give_by_rotation(missing, turn, places, poses), 0.0))
+            total = np.zeros((len(missing), 3, 3))
+            np.add.at(total, ties.row[r], ties.ties.weight[r, None, None] * give_of_places(give, arm))
+            held = ties.ties.directions
+            pull = pulls(total, np.tile(np.eye(3), (len(missing), 1, 1)) if held is None else held, missing)
         else:
-            factor = np.full(len(missing), alpha)
-        return factor[ties.row, None] * turn, factor
+            pull = alpha * missing
+        turn[r] = np.einsum("nij,nj->ni", give, cross(arm, pull[ties.row[r]]))
+        return turn, pull
+
+
+def turned_tensors(q: np.ndarray, principal: np.ndarray) -> np.ndarray:
+    """``R diag(principal) R^T`` (n, 3, 3)."""
+    r = matrices(q)
+    return (r * principal[:, None, :]) @ r.transpose(0, 2, 1)
+
+
+def give_of_places(give: np.ndarray, arm: np.ndarray) -> np.ndarray:
+    """How places at ``arm`` (n, 3) follow a unit pull there by rotation alone: ``-[r] B [r]``, (n, 3, 3)."""
+    x = np.zeros((len(arm), 3, 3))
+    x[:, 0, 1], x[:, 0, 2], x[:, 1, 2] = -arm[:, 2], arm[:, 1], -arm[:, 0]
+    x -= x.transpose(0, 2, 1)
+    return x @ give @ x.transpose(0, 2, 1)
+
+
+def pulls(give: np.ndarray, held: np.ndarray, gap: np.ndarray) -> np.ndarray:
+    """Pulls (n, 3) within ``held`` that close gaps by rotation and translation together: ``P (I + give) P f = g``."""
+    eye = np.eye(3)
+    return np.linalg.solve(eye + held @ give @ held, gap[:, :, None])[:, :, 0]
 
 
 def _solve(give: np.ndarray, want: np.ndarray) -> np.ndarray:
