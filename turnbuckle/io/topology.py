@@ -30,6 +30,7 @@ def pack(shapes: list[Shape], info: Mapping[str, Any]) -> tuple[dict[str, np.nda
                 "end": int(shape.end),
                 "color": None if shape.color is None else [float(c) for c in shape.color],
                 "skin": shape.skin is not None,
+                "drawn": shape.drawn,
             }
         )
     return arrays, json.dumps({"schema_version": SCHEMA_VERSION, **info, "shapes": described}, default=_plain_value)
@@ -45,7 +46,7 @@ def unpack(arrays: Mapping[str, np.ndarray], text: str) -> tuple[list[Shape], di
             skin = Skin(**{name: np.asarray(arrays[f"shape{number}_skin_{name}"]) for name in _SKIN})
         plain = {name: np.asarray(arrays[f"shape{number}_{name}"]) for name in _PLAIN}
         color = None if one["color"] is None else tuple(one["color"])
-        shapes.append(Shape(one["name"], one["begin"], one["end"], **plain, skin=skin, color=color))
+        shapes.append(Shape(one["name"], one["begin"], one["end"], **plain, skin=skin, color=color, drawn=one.get("drawn", True)))
     return shapes, info
 
 

@@ -1,7 +1,8 @@
 """A run as USD, for Houdini, Blender and Omniverse: names of UsdGeom, points as time samples.
 
 A body with lines is a BasisCurves, with triangles (its skin, else the boundary of the solid) a Mesh, with tetrahedra
-also a TetMesh of purpose "guide", which viewers hide until asked. Time codes are seconds times frames per second.
+also a TetMesh of purpose "guide", which viewers hide until asked. What a skin covers is there, invisible. Time codes
+are seconds times frames per second.
 
 Binary layers (.usdc, .usd) are saved every few frames: the crate format appends, moves what was saved out of memory
 and turns its table of contents last, so memory stays flat and a kill leaves the frames of the last save. A text layer
@@ -108,7 +109,10 @@ def _define(stage: Usd.Stage, shapes: list[Shape], info: dict[str, Any]) -> list
     taken: set[str] = set()
     for shape in shapes:
         body = f"/World/{_free_name(shape.name, taken)}"
-        UsdGeom.Xform.Define(stage, body).GetPrim().SetDisplayName(shape.name)
+        group = UsdGeom.Xform.Define(stage, body)
+        group.GetPrim().SetDisplayName(shape.name)
+        if not shape.drawn:
+            group.CreateVisibilityAttr().Set(UsdGeom.Tokens.invisible)
         own = np.arange(shape.begin, shape.end)
         made: list[tuple[UsdGeom.PointBased, _Pick]] = []
         if shape.skin is not None:

@@ -167,6 +167,9 @@ def _cells(shapes: list[Shape], points: int) -> tuple[list[np.ndarray], np.ndarr
     bodies: list[np.ndarray] = [np.zeros(0, np.int32)]
     drawn = points
     for number, shape in enumerate(shapes):
+        if not shape.drawn:
+            drawn += 0 if shape.skin is None else len(shape.skin.points)  # its points stay, and are in no cell
+            continue
         parts = [(_VTK_LINE, shape.lines + shape.begin), (_VTK_TETRA, shape.tetrahedra + shape.begin)]
         if shape.skin is not None:
             parts.append((_VTK_TRIANGLE, shape.skin.triangles + drawn))

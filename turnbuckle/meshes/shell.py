@@ -39,7 +39,9 @@ def box_shell(size: np.ndarray, thickness: float, layers: int = 1, edge: float |
 def sphere_shell(radius: float, thickness: float, layers: int = 1, edge: float | None = None) -> Shell:
     """Around a ball."""
     outer = radius + thickness
-    cells = _cells(np.full(3, 0.5 * np.pi * outer), _edge(edge, thickness / layers, 2.0 * outer), 3 if edge is None else 2)
+    cells = _cells(
+        np.full(3, 0.5 * np.pi * outer), _edge(edge, thickness / layers, 2.0 * outer), 3 if edge is None else 2
+    )
     volume = 4.0 / 3.0 * np.pi * (outer**3 - radius**3)
     return _shell(cells, lambda u, t: (radius + t) * _on_sphere(u), thickness, layers, volume)
 
@@ -52,7 +54,9 @@ def cylinder_shell(radius: float, length: float, thickness: float, layers: int =
     cells[:2] = max(int(cells[0]), 2)
 
     def place(u: np.ndarray, t: float) -> np.ndarray:
-        across = u[:, :2] * (np.abs(u[:, :2]).max(axis=1) / np.maximum(np.linalg.norm(u[:, :2], axis=1), 1e-300))[:, None]
+        across = (
+            u[:, :2] * (np.abs(u[:, :2]).max(axis=1) / np.maximum(np.linalg.norm(u[:, :2], axis=1), 1e-300))[:, None]
+        )
         return np.c_[(radius + t) * across, u[:, 2] * (0.5 * length + t)]
 
     volume = np.pi * ((radius + thickness) ** 2 * (length + 2.0 * thickness) - radius**2 * length)

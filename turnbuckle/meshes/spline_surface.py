@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import BSpline
-from scipy.linalg import solve_circulant
 from scipy.sparse import csr_array, kron
 
 from turnbuckle.meshes.solids import ring_triangles
@@ -49,7 +48,9 @@ def grid_weights(u: np.ndarray, v: np.ndarray, rings: int, around: int) -> csr_a
     # The first and the last row are one point each.
     ring = np.arange(rings * around)
     column = np.r_[np.full(around, len(ring)), ring, np.full(around, len(ring) + 1)]
-    merge = csr_array((np.ones(rows * around), (np.arange(rows * around), column)), shape=(rows * around, len(ring) + 2))
+    merge = csr_array(
+        (np.ones(rows * around), (np.arange(rows * around), column)), shape=(rows * around, len(ring) + 2)
+    )
     return csr_array(both @ merge)
 
 
@@ -63,11 +64,9 @@ def _periodic(v: np.ndarray, count: int) -> csr_array:
     return csr_array((weights.ravel(), (rows, columns.ravel())), shape=(len(v), count))  # sums what names one twice
 
 
-def ring_controls(ring: np.ndarray) -> np.ndarray:
-    """Control points (n, 3) of the closed cubic spline through a ring of points (n, 3)."""
-    stencil = np.zeros(len(ring))
-    np.add.at(stencil, [0, 1 % len(ring), -1 % len(ring)], [4.0 / 6.0, 1.0 / 6.0, 1.0 / 6.0])
-    return np.asarray(solve_circulant(stencil, ring))
+def ring_gain(around: int) -> float:
+    """By how much a ring of control points on a circle is larger than the spline's circle, at the controls."""
+    return float(3.0 / (2.0 + np.cos(2.0 * np.pi / around)))
 
 
 def _stack(a: csr_array, b: csr_array) -> csr_array:

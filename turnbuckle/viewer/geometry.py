@@ -45,6 +45,8 @@ class SceneGeometry:
         gathered: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {"surface": [], "lines": []}
         count = dict.fromkeys(self._sources, 0)
         for number, shape in enumerate(shapes):
+            if not shape.drawn:
+                continue
             if shape.skin is not None or len(shape.triangles):
                 kind = "surface"
                 cells, used = split_creases(
