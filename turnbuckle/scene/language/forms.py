@@ -25,6 +25,7 @@ class Form:
     array: bool = False
     shapes: tuple[tuple[int | None, ...], ...] = ()  # of an array
     optional: bool = False
+    options: tuple[str, ...] = ()  # of a text that is one of a few
     texts: bool = False  # a list of texts
     record: tuple[type[Definition], ...] = ()
     records: tuple[type[Definition], ...] = ()  # a list of records: the statement may be repeated
@@ -52,6 +53,9 @@ def form_of(kind: type[Definition], field: str) -> Form:
             found[name] = (*found.get(name, ()), what)
         elif isinstance(what, ArraySpec):
             found["shapes"] = (*found.get("shapes", ()), *what.shapes)
+        elif isinstance(what, str):
+            found["options"] = (*found.get("options", ()), what)
+            found["text"] = True
         elif depth:
             found["texts"] = True
         elif what is np.ndarray:
@@ -92,6 +96,6 @@ def _leaves(annotation: Any, depth: int) -> Iterator[tuple[int, Any]]:
         yield from _leaves(inner[0], depth + 1)
     elif origin is Literal:
         for one in inner:
-            yield depth, type(one)
+            yield depth, one if isinstance(one, str) else type(one)
     elif origin is None:
         yield depth, annotation

@@ -221,7 +221,10 @@ class _Parser(Values):
         if word == "object1" and token.kind == "word" and token.written == "world":
             self.take()
             return None
-        return self.text(f"the name of an object after '{word}'" if word in NAMING else f"a word after '{word}'")
+        if token.kind == "word" and token.written in form.options:
+            return self.take().written
+        what = "one of " + ", ".join(form.options) if form.options else f"a word after '{word}'"
+        return self.text(f"the name of an object after '{word}'" if word in NAMING else what)
 
     # records
 
@@ -239,7 +242,9 @@ class _Parser(Values):
         """The fields of a definition in a statement: first those without a word, then the others by their words."""
         if sum(isinstance(part, str) for part in here) > MAX_DEPTH:
             raise LanguageError(self.token.position, f"parentheses nested more than {MAX_DEPTH} deep")
-        opened = self.skip("(")
+        given = POSITIONAL.get(kinds[0], ())
+        rows = bool(given) and any(len(shape) > 1 for shape in form_of(kinds[0], given[0]).shapes)
+        opened = not (rows and self.is_rows(1)) and self.skip("(")
         first = normal(self.token.written)
         kind = next((k for k in kinds if first in all_words(k)), kinds[0])
         item: dict[str, Any] = {}

@@ -41,12 +41,12 @@ class Values:
     def expected(self, what: str, extra: str = "") -> LanguageError:
         return LanguageError(self.token.position, f"expected {what}, got {self.token.shown()}{extra}")
 
-    def is_rows(self) -> bool:
-        """Whether rows of numbers follow, and not a record in parentheses."""
+    def is_rows(self, depth: int = MAX_DEPTH) -> bool:
+        """Whether rows of numbers follow, nested at most `depth` deep, and not a record in parentheses."""
         at = self.at
         while self.tokens[at].kind == "mark" and self.tokens[at].written == "(":
             at += 1
-        return at > self.at and self.tokens[at].kind == "number"
+        return 0 < at - self.at <= depth and self.tokens[at].kind == "number"
 
     def text(self, what: str) -> str:
         token = self.token
@@ -130,6 +130,10 @@ class Values:
         for name, count in zip(names, counts, strict=True):
             here = (*place, name)
             self.places.setdefault(here, self.token.position)
+            if count and self.token.kind == "text":  # the name of a file with the numbers
+                item[name] = self.take().value
+                got += count
+                continue
             row: list[Any] = []
             for k in range(max(count, 1)):
                 if self.token.kind != "number":

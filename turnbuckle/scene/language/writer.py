@@ -97,8 +97,8 @@ def _value(form: Form, value: Any, inner: bool) -> str:
     if isinstance(value, (int, float)):
         return _number(value)
     if form.array:
-        return json.dumps(value, ensure_ascii=False)  # the name of a file
-    return _text(str(value))
+        return _quoted(value)  # the name of a file
+    return str(value) if value in form.options else _text(str(value))
 
 
 def _entry(form: Form, entry: Any) -> str:
@@ -141,10 +141,7 @@ def _list(form: Form, value: list[Any]) -> str:
     """Texts, such as the components of a force: numbers plainly where that reads back the same."""
     if form.text or not all(isinstance(one, str) for one in value):
         raise InputError(f"the language has no way to say the list {value!r:.60}")
-    return " ".join(
-        one if NUMBER.fullmatch(one) and repr(number(one)) == one else json.dumps(one, ensure_ascii=False)
-        for one in value
-    )
+    return " ".join(one if NUMBER.fullmatch(one) and repr(number(one)) == one else _quoted(one) for one in value)
 
 
 def _number(value: float) -> str:
