@@ -46,7 +46,8 @@ def unpack(arrays: Mapping[str, np.ndarray], text: str) -> tuple[list[Shape], di
             skin = Skin(**{name: np.asarray(arrays[f"shape{number}_skin_{name}"]) for name in _SKIN})
         plain = {name: np.asarray(arrays[f"shape{number}_{name}"]) for name in _PLAIN}
         color = None if one["color"] is None else tuple(one["color"])
-        shapes.append(Shape(one["name"], one["begin"], one["end"], **plain, skin=skin, color=color, drawn=one.get("drawn", True)))
+        drawn = bool(one.get("drawn", True))
+        shapes.append(Shape(one["name"], one["begin"], one["end"], **plain, skin=skin, color=color, drawn=drawn))
     return shapes, info
 
 
