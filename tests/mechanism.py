@@ -51,6 +51,7 @@ class Link:
     type: str
     fields: dict
     joint: Joint
+    known: bool  # to the reference; limits, springs and motors are not
 
 
 class Mechanism:
@@ -85,11 +86,13 @@ class Mechanism:
         return np.asarray(axis, dtype=float) if name is None else self.parts[self.number(name)].R.T @ axis
 
     def joint(
-        self, type, name, a, b=None, at=ZERO, rows=None, axis=Z, axis_a=None, at_b=None, rolling=False, x_a=None, **fields
+        self, type, name, a, b=None, at=ZERO, rows=None, axis=Z, axis_a=None, at_b=None, rolling=False, x_a=None,
+        known=True, **fields,
     ):  # fmt: skip
         """Body ``a`` is body1, ``b`` body0 (None: the world); ``at`` (on b: ``at_b``), ``axis`` of b, ``axis_a`` of a.
 
         ``fields`` go to the library as they are; the place, and the axis of the named joints, are filled in here.
+        A joint that is not ``known`` to the reference is no joint there.
         """
         at = np.asarray(at, dtype=float)
         at_b = at if at_b is None else np.asarray(at_b, dtype=float)
@@ -110,12 +113,12 @@ class Mechanism:
         fa = self.parts[i].R.T @ fa
         if j is not None:
             pb, fb = pb - self.parts[j].center, self.parts[j].R.T @ fb
-        self.links.append(Link(type, fields, Joint(name, i, j, rows, pa, pb, fa, fb, rolling)))
+        self.links.append(Link(type, fields, Joint(name, i, j, rows, pa, pb, fa, fb, rolling), known))
 
     def system(self, rank: float = 1e-9) -> System:
         """The reference; it also makes the velocities of the parts consistent."""
         bodies = [Body(p.mass, p.inertia, p.x, p.R, p.v, p.w, p.drive) for p in self.parts]
-        system = System(bodies, [link.joint for link in self.links], self.gravity, self.loads, rank)
+        system = System(bodies, [link.joint for link in self.links if link.known], self.gravity, self.loads, rank)
         system.start_consistently()
         for part, body in zip(self.parts, system.bodies, strict=True):
             part.v, part.w = body.v, body.w

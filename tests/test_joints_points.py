@@ -1,0 +1,192 @@
+"""Point constraints take points of rigid bodies wherever they take mass points: exact, and two-way."""
+
+import numpy as np
+import pytest
+from laboratory import attach, join, nail, rope
+from mechanism import ZERO, Mechanism, X, Y, Z, run
+from reference.multibody import matrix_of
+
+import turnbuckle
+
+CORNER = np.array([0.1, -0.05, 0.15])
+FULL = np.array([[0.05, 0.01, -0.004], [0.01, 0.07, 0.006], [-0.004, 0.006, 0.04]])
+
+
+def box(name="box", position=ZERO, **more) -> dict:
+    fields = {"box": [0.2, 0.2, 0.2], "mass": 1.5, "inertia": FULL, "markers": [CORNER], "position": position, **more}
+    return {"type": "rigid", "name": name, **fields}
+
+
+def scene(bodies, constraints, gravity=(0.0, 0.0, -9.81), **fields) -> turnbuckle.Simulation:
+    return turnbuckle.Simulation(
+        turnbuckle.Scene("mixed", gravity=list(gravity), bodies=bodies, constraints=constraints, **fields)
+    )
+
+
+def marker(simulation, name="box", local=CORNER) -> np.ndarray:
+    position, q = simulation.pose(name)
+    return position + matrix_of(q) @ local
+
+
+def test_nailed_marker_is_a_ball_joint():
+    """Same path as a ball joint at that place in the reference, second order, and its reaction."""
+    mechanism = Mechanism()
+    mechanism.body("box", ZERO, mass=1.5, inertia=FULL, w=[1.0, 2.0, 0.5])
+    mechanism.joint("ball", "pivot", "box", at=CORNER)
+    system = mechanism.system()
+    end = 0.4
+    truth = system.simulate([end], 1e-11, 1e-12)[-1]
+    reaction = system.reactions(truth, end)["pivot"][0]
+    part = mechanism.parts[0]
+    errors, forces = [], []
+    for n in (40, 80, 160):
+        bodies = [box(velocity=part.v, angular_velocity=part.w)]
+        simulation = scene(bodies, [nail("pin", "box", 0)])
+
+        def held(report):
+            assert report.position_residual["nail"] < 1e-10 and report.rate_residual["nail"] < 1e-10
+
+        run(simulation, end, n, held)
+        assert marker(simulation) == pytest.approx(CORNER, abs=1e-10)
+        x, r, v, w = system.unpack(truth)
+        errors.append(np.linalg.norm(simulation.pose("box")[0] - x[0]))
+        forces.append(np.linalg.norm(simulation.forces("pin")[0] - reaction))
+    assert errors[0] / errors[1] == pytest.approx(4.0, abs=0.8) and errors[1] / errors[2] == pytest.approx(4.0, abs=0.8)
+    assert forces[2] < 0.02 * np.linalg.norm(reaction) and forces[2] < 0.7 * forces[0]
+
+
+def momentum(simulation, names) -> tuple[np.ndarray, np.ndarray, float]:
+    """Linear and angular about the origin, of mass points and rigid bodies; sum of m |v|."""
+    model = simulation.model
+    x, v, m = simulation.positions(), simulation.velocities(), np.array(model.mass)
+    rigid = np.zeros(len(m), dtype=bool)
+    for name in names:
+        shape = model.shape(name)
+        rigid[shape.begin : shape.end] = True
+    p = np.where(rigid, 0.0, m)[:, None] * v
+    linear, angular, size = p.sum(0), np.cross(x, p).sum(0), np.linalg.norm(p, axis=1).sum()
+    for name in names:
+        r = matrix_of(simulation.pose(name)[1])
+        speed, w = simulation.velocity(name)
+        q = 1.5 * np.asarray(speed)
+        linear = linear + q
+        angular = angular + np.cross(simulation.center(name), q) + r @ FULL @ r.T @ w
+        size += np.linalg.norm(q)
+    return linear, angular, size
+
+
+@pytest.mark.parametrize("integrator", ["verlet", "velocity_verlet", "implicit_euler"])
+def test_rope_between_two_floating_boxes(integrator):
+    """Joined to a marker of each: closed to 1e-10, linear momentum to round-off under every scheme."""
+    away = np.array([0.0, 0.6, 0.0])
+    bodies = [
+        box("one", w_free := ZERO, velocity=[1.0, 0.0, 0.5], angular_velocity=[0.0, 1.0, 2.0]),
+        box("two", away, velocity=[-1.0, 0.0, 0.3]),
+        rope("rope", np.linspace(CORNER, CORNER + away, 6), 0.4, 300.0, 0.2),
+    ]
+    assert w_free is ZERO
+    held = [join("first", ("one", 0), ("rope", 0)), join("last", ("two", 0), ("rope", 5))]
+    simulation = scene(bodies, held, ZERO, integrator=integrator)
+    simulation.step(1e-3)
+    before = momentum(simulation, ("one", "two"))
+    for _ in range(100):
+        report = simulation.step(1e-3)
+        assert report.status == "ok", report.messages
+        assert report.position_residual["points_to_point"] < 1e-10
+        after = momentum(simulation, ("one", "two"))
+        assert np.linalg.norm(after[0] - before[0]) < 1e-12 * after[2]
+        before = after
+    ends = simulation.positions("rope")
+    assert marker(simulation, "one") == pytest.approx(ends[0], abs=1e-10)
+    assert marker(simulation, "two") == pytest.approx(ends[-1], abs=1e-10)
+    assert np.abs(simulation.velocity("two")[0] - [-1.0, 0.0, 0.3]).max() > 1e-2  # the rope has pulled
+
+
+def test_box_hangs_on_a_rope_with_its_weight():
+    """Nail, rope, box by its top: at rest the nail carries all, the joint the box alone."""
+    top = np.array([0.0, 0.0, 0.1])
+    bodies = [
+        box("box", markers=[top], linear_damping=6.0, angular_damping=6.0),
+        rope("rope", np.linspace([0, 0, 0.5], top, 5), 0.2, 4e3, 8.0),
+    ]
+    simulation = scene(
+        bodies, [nail("pin", "rope", 0), join("hook", ("rope", 4), ("box", 0))], integrator="velocity_verlet"
+    )
+    run(simulation, 3.0, 1500)
+    assert simulation.forces("pin")[0] == pytest.approx([0, 0, 1.7 * 9.81], rel=1e-3, abs=1e-3)
+    pulls = simulation.forces("hook")
+    assert pulls.sum(0) == pytest.approx(ZERO, abs=1e-9)
+    assert pulls[1] == pytest.approx([0, 0, 1.5 * 9.81], rel=2e-3, abs=1e-2)
+    assert marker(simulation, "box", top) == pytest.approx(simulation.positions("rope")[-1], abs=1e-10)
+
+
+def test_cloth_point_attached_to_a_face_of_a_box():
+    """A cloth whose corner is attached to a triangle of a box's surface turns with the box, and pulls at it."""
+    cloth = {"type": "cloth", "name": "cloth", "size": [0.3, 0.3], "cells": [3, 3], "density": 0.5,
+             "position": [0.1, 0.0, 0.0]}  # fmt: skip
+    simulation = scene([box(), cloth], [], ZERO)
+    count = len(simulation.positions("box"))
+    assert count >= 9
+    corner = int(np.argmin(np.linalg.norm(simulation.positions("cloth") - [0.1, 0.0, 0.0], axis=1)))
+    points = simulation.positions("box")
+    face = [i for i in range(1, count) if points[i][0] > 0.09][:3]
+    place = simulation.positions("cloth")[corner]
+    weights = np.linalg.lstsq(np.vstack([points[face].T, np.ones(3)]), np.append(place, 1.0), rcond=None)[0]
+    bodies = [box(angular_velocity=[0.0, 0.0, 3.0]), cloth]
+    hook = attach("hook", ("cloth", corner), "box", face, weights)
+    simulation = scene(bodies, [hook], ZERO)
+    offset = weights @ points[face] - place
+    assert np.linalg.norm(offset) < 0.11
+    for _ in range(100):
+        report = simulation.step(2e-3)
+        assert report.status in ("ok", "degraded")
+    surface = simulation.positions("box")
+    assert simulation.positions("cloth")[corner] == pytest.approx(weights @ surface[face], abs=1e-10)
+    assert np.linalg.norm(simulation.velocity("box")[1] - [0.0, 0.0, 3.0]) > 1e-2
+
+
+def test_two_boxes_joined_at_their_markers_are_a_ball_joint():
+    mechanism = Mechanism(gravity=ZERO)
+    mechanism.body("one", ZERO, mass=1.5, inertia=FULL, w=[1.0, 2.0, 0.5])
+    mechanism.body("two", CORNER + [0.2, 0.1, 0.0], mass=1.5, inertia=FULL, v=[0.0, 0.0, 0.7])
+    mechanism.joint("ball", "ball", "two", "one", CORNER)
+    system = mechanism.system()
+    end = 0.3
+    truth = system.simulate([end], 1e-11, 1e-12)[-1]
+    one, two = mechanism.parts
+    bodies = [
+        box("one", velocity=one.v, angular_velocity=one.w),
+        box("two", two.position, velocity=two.v, angular_velocity=two.w, markers=[[-0.2, -0.1, 0.0]]),
+    ]
+    errors = []
+    for n in (40, 80):
+        simulation = scene(bodies, [join("pin", ("one", 0), ("two", 0))], ZERO)
+        run(simulation, end, n)
+        x = system.unpack(truth)[0]
+        errors.append(np.linalg.norm(np.array([simulation.pose(b)[0] for b in ("one", "two")]) - x))
+    assert errors[0] / errors[1] == pytest.approx(4.0, abs=0.8), errors
+
+
+def test_surface_points_are_slaves_of_the_pose():
+    simulation = scene([box(angular_velocity=[1.0, 2.0, 3.0], velocity=X + Y)], [], ZERO)
+    local = simulation.positions("box").copy()
+    run(simulation, 0.2, 50)
+    position, q = simulation.pose("box")
+    r = matrix_of(q)
+    v, w = simulation.velocity("box")
+    assert simulation.positions("box") == pytest.approx(position + local @ r.T, abs=1e-12)
+    assert simulation.velocities("box") == pytest.approx(v + np.cross(w, local @ r.T), abs=1e-11)
+
+
+def test_nail_that_moves_drags_a_box():
+    """A marker led along x at constant speed, from rest to rest with gravity: in the end the box hangs below it."""
+    keys = {"times": [0.0, 1.0], "positions": [[0.0, 0.0, 0.0], [0.5, 0.0, 0.0]], "interpolation": "smooth"}
+    top = np.array([0.0, 0.0, 0.1])
+    body = box(position=-top, markers=[top], angular_damping=4.0)
+    simulation = scene([body], [nail("hand", "box", 0, goal=keys)])
+    for _ in range(10):
+        run(simulation, 0.1, 50)
+        s = min(simulation.time, 1.0)
+        assert marker(simulation, "box", top) == pytest.approx([0.5 * s * s * (3 - 2 * s), 0, 0], abs=1e-9)
+    run(simulation, 3.0, 1500)
+    assert simulation.forces("hand")[0] == pytest.approx(1.5 * 9.81 * Z, rel=2e-3, abs=2e-2)
