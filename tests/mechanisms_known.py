@@ -1,8 +1,8 @@
-"""Mechanisms of the benchmark collections, as `Mechanism` has them: squeezer, Bricard, four-bar windows."""
+"""Mechanisms of the benchmark collections, as `Mechanism` has them: squeezer, Bricard, four-bar windows, governor."""
 
 import numpy as np
 from mechanism import ZERO, Mechanism, X, Y, Z
-from reference import squeezer
+from reference import governor, squeezer
 
 
 def at(place) -> np.ndarray:
@@ -67,3 +67,49 @@ def four_bar_windows(n: int, speed: float = 1.0) -> Mechanism:
         mechanism.joint("revolute", f"left{i}", f"level{i}", f"up{i}", i * X + Y)
         mechanism.joint("revolute", f"right{i}", f"level{i}", f"up{i + 1}", (i + 1) * X + Y)
     return mechanism
+
+
+def governor_mechanism() -> Mechanism:
+    """Shaft along z with its top at the origin, two rods with a ball each, a slider; springs are loads of the reference."""
+    g = governor
+
+    def loads(t, x, r, v, w):
+        force, torque = np.zeros_like(x), np.zeros_like(x)
+        for i, local in COUPLED:
+            arm = r[i] @ local
+            way, speed = x[i] + arm - x[3], v[i] + np.cross(w[i], arm) - v[3]
+            length = np.linalg.norm(way)
+            pull = -(g.STIFFNESS * (length - g.REST) + g.DAMPING * way @ speed / length) * way / length
+            force[i] += pull
+            torque[i] += np.cross(arm, pull)
+            force[3] -= pull
+        return force, torque
+
+    mechanism = Mechanism(loads=loads)
+    spin = g.START_RATE * Z
+    square = np.array([g.ACROSS, g.ACROSS, g.AXIAL])
+    mechanism.body("shaft", -0.5 * g.LENGTH * Z, mass=g.ROD, inertia=square, w=spin)
+    # a rod with its ball is one body: its centre and its moments about it
+    mass = g.ROD + g.BALL
+    center = (g.ROD * 0.5 + g.BALL) * g.LENGTH / mass
+    across = g.HINGED - mass * center**2
+    for i in (1, 2):
+        lean = g.START_ANGLE if i == 1 else -g.START_ANGLE
+        way = np.array([np.sin(lean), 0.0, -np.cos(lean)])
+        mechanism.body(
+            f"rod{i}", 0.5 * g.LENGTH * way, -lean * Y, mass, (across, across, g.AXIAL),
+            center=-(center - 0.5 * g.LENGTH) * Z, w=spin, v=np.cross(spin, center * way),
+        )  # fmt: skip
+    mechanism.body("slider", -g.START_SLIDER * Z, mass=g.SLIDER, inertia=np.full(3, g.SLIDER * g.SIDE**2 / 6), w=spin)
+    mechanism.joint("revolute", "bearing", "shaft")
+    for i in (1, 2):
+        mechanism.joint("revolute", f"hinge{i}", f"rod{i}", "shaft", axis=Y)
+    mechanism.joint("prismatic", "guide", "slider", "shaft", -g.START_SLIDER * Z)
+    return mechanism
+
+
+# Body and place, from its centre of mass, where each coupler holds a rod.
+COUPLED = tuple(
+    (i, (governor.BALL * governor.LENGTH / 2 / (governor.ROD + governor.BALL)) * np.array([0.0, 0.0, 1.0]))
+    for i in (1, 2)
+)

@@ -6,8 +6,8 @@ import math
 import numpy as np
 import pytest
 from mechanism import ZERO, Mechanism, X, Y, Z, run
-from mechanisms_known import at, bricard_mechanism, four_bar_windows, squeezer_mechanism
-from reference import joint_rows, rigid_forms, squeezer
+from mechanisms_known import at, bricard_mechanism, four_bar_windows, governor_mechanism, squeezer_mechanism
+from reference import governor, joint_rows, rigid_forms, squeezer
 
 import turnbuckle
 
@@ -224,3 +224,26 @@ def test_a_loop_that_cannot_close_is_named():
     report = simulation.step(1e-3)
     assert report.status in ("degraded", "failed")
     assert any(name in " ".join(report.messages) for name in ("'far'", "'a'", "'b'")), report.messages
+
+
+def test_stiff_governor():
+    """A05: the couplers' dampers settle in 1e-4 s, far below the step."""
+    mechanism = governor_mechanism()
+    end = 0.5
+    (theta, s, *_), rate = governor.solve(end)
+    errors = []
+    for n in (250, 1000):
+        scene = mechanism.scene()
+        for i in (1, 2):
+            scene.add_joint(
+                "distance", f"coupler{i}", body0="slider", body1=f"rod{i}", local_pos0=ZERO, local_pos1=ZERO,
+                min=governor.REST, max=governor.REST, stiffness=governor.STIFFNESS, damping=governor.DAMPING,
+            )  # fmt: skip
+        simulation = turnbuckle.Simulation(scene)
+        run(simulation, end, n, held)
+        places = mechanism.places(simulation)
+        errors.append(
+            [abs(-places[3][0][2] - s), abs(np.arccos(places[1][1][2, 2]) - theta), abs(places[0][3][2] - rate)]
+        )
+    assert max(errors[0]) < 0.02
+    assert max(errors[1]) < 0.5 * max(errors[0]), errors

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from mechanism import ZERO, Mechanism, X, Y, Z
-from mechanisms_known import bricard_mechanism, four_bar_windows, squeezer_mechanism
-from reference import joint_rows, paper_rigid, rigid_forms, squeezer
+from mechanisms_known import bricard_mechanism, four_bar_windows, governor_mechanism, squeezer_mechanism
+from reference import governor, joint_rows, paper_rigid, rigid_forms, squeezer
 from reference.free_top import FreeTop
 from reference.multibody import Body, System, angle_between, turn
 
@@ -186,3 +186,13 @@ def test_reactions_of_a_driven_body_carry_its_passenger():
     radial = turn(rate * t * Z) @ X
     assert force == pytest.approx(-2.0 * rate**2 * arm * radial + 2.0 * 9.81 * Z, abs=1e-8)
     assert torque == pytest.approx([0, 0, 0], abs=1e-8)
+
+
+def test_governor_in_its_coordinates_and_as_bodies():
+    system = governor_mechanism().system()
+    t = 0.01
+    x, r, _, w = system.unpack(system.simulate([t], 1e-8, 1e-10)[-1])
+    (theta, s, *_), rate = governor.solve(t)
+    assert -x[3][2] == pytest.approx(s, abs=1e-8)
+    assert np.arccos(r[1][2, 2]) == pytest.approx(theta, abs=1e-7)
+    assert w[0][2] == pytest.approx(rate, abs=1e-6)
