@@ -15,7 +15,7 @@ from turnbuckle.data.errors import ConflictError, InputError
 from turnbuckle.data.groups import Goal, Group
 from turnbuckle.data.model import Model
 from turnbuckle.data.state import State
-from turnbuckle.data.tables import FULL, JOINT, OFF, UNLIMITED, Joins, Table, grown, write
+from turnbuckle.data.tables import FULL, JOINT, OFF, TIED, UNLIMITED, Joins, Table, grown, write
 
 
 def reserve(state: State, kind: str, rows: int, entries: int, device: str) -> np.ndarray:
@@ -74,6 +74,11 @@ def activate(model: Model, state: State, group: Group) -> None:
     table: Table = getattr(state.tables, group.kind)
     rows = group.rows[alive]
     write(table.phase, rows, group.ramp_steps if group.ramp_steps > 0 else FULL)
+    tied = tied_rows(state, group)
+    if tied.any():
+        _check_tied(model, group)
+        write(table.phase, group.rows[alive & tied], TIED)
+        state.layout += 1
     write(table.ramp.step, rows, 1)
     write(table.force, rows, 0.0)
     group.acting = True
@@ -95,6 +100,8 @@ def deactivate(model: Model, state: State, group: Group, which: np.ndarray | Non
         write(table.point_force, _ranges(offsets[group.rows[mask]], offsets[group.rows[mask] + 1]), 0.0)
     if which is None:
         group.acting = False
+    if tied_rows(state, group).any():
+        state.layout += 1
     _release(state, group, mask)
     if model.conflicts == "solve":
         find_joint_rows(state)
@@ -165,7 +172,7 @@ def break_rows(model: Model, state: State) -> list[str]:
         table: Table = getattr(state.tables, group.kind)
         phase = table.phase.numpy()[group.rows]
         force = np.linalg.norm(table.force.numpy()[group.rows], axis=1)
-        over = ((phase == FULL) | (phase == JOINT)) & (force > group.break_force)
+        over = ((phase == FULL) | (phase == JOINT) | (phase == TIED)) & (force > group.break_force)
         if over.any():
             deactivate(model, state, group, over)
             group.broken |= over
@@ -175,7 +182,7 @@ def break_rows(model: Model, state: State) -> list[str]:
 
 def check_conflicts(model: Model, state: State, group: Group, alive: np.ndarray) -> None:
     """Raise `ConflictError` when a point of the group is taken, by another constraint or twice by itself."""
-    which = np.repeat(alive, np.diff(group.offsets))
+    which = np.repeat(alive, np.diff(group.offsets)) & ~state.follows[group.points]
     points = group.points[which]
     row_of = np.repeat(np.arange(len(group.rows)), np.diff(group.offsets))[which]
     unique, first = np.unique(points, return_index=True)
@@ -203,6 +210,23 @@ def check_conflicts(model: Model, state: State, group: Group, alive: np.ndarray)
             _refuse(model, held[0], f"{_name(state, number)}[{row}]", group.name)
 
 
+def tied_rows(state: State, group: Group) -> np.ndarray:
+    """Which rows of a group take points of rigid bodies (rows,) bool: they are solved with the joints."""
+    if not state.follows.any() or len(group.rows) == 0:
+        return np.zeros(len(group.rows), dtype=bool)
+    return np.asarray(np.logical_or.reduceat(state.follows[group.points], group.offsets[:-1]))
+
+
+def _check_tied(model: Model, group: Group) -> None:
+    if model.integrator in ("explicit_euler", "implicit_euler", "newmark"):
+        raise InputError(
+            f"constraint '{group.name}' takes a point of a rigid body, which integrator {model.integrator!r} cannot tie to "
+            "mass points; use verlet, velocity_verlet, beeman, euler_cromer, midpoint, rk2 or rk4"
+        )
+    if model.response == "paper":
+        raise InputError(f"constraint '{group.name}' takes a point of a rigid body: use response: exact")
+
+
 def _refuse(model: Model, point: int, first: str, second: str) -> None:
     shape = next((s for s in model.shapes if s.begin <= point < s.end), None)
     where = f"point {point - shape.begin} of '{shape.name}'" if shape else f"point {point}"
@@ -217,9 +241,11 @@ def _name(state: State, number: int) -> str:
 
 
 def _hold(state: State, group: Group, alive: np.ndarray, count_domain: bool = True) -> None:
-    which = np.repeat(alive, np.diff(group.offsets))
+    which = np.repeat(alive, np.diff(group.offsets)) & ~state.follows[group.points]  # rigid points serve many
     row_of = np.repeat(np.arange(len(group.rows)), np.diff(group.offsets))[which]
     points = group.points[which]
+    tied = tied_rows(state, group)
+    write(state.external, points[tied[row_of]], 1)
     state.owner[points, 0] = group.number
     state.owner[points, 1] = row_of
     if group.kind == "nail":
@@ -249,6 +275,7 @@ def find_joint_rows(state: State) -> None:
     """
     acting = [g for g in state.groups.values() if g.acting]
     uses = np.zeros(len(state.owner), dtype=np.int64)
+    tied = _reached_by_ties(state, acting)
     for g in acting:
         np.add.at(uses, g.points[np.repeat(~g.broken, np.diff(g.offsets))], 1)
         if g.kind == "slide":  # may come to use any point of its domain
@@ -260,12 +287,27 @@ def find_joint_rows(state: State) -> None:
         _hold(state, g, ~g.broken, count_domain=False)
         table: Table = getattr(state.tables, g.kind)
         shared = np.add.reduceat(uses[g.points] > 1, g.offsets[:-1]) > 0
+        held = np.logical_or.reduceat(tied[g.points], g.offsets[:-1]) | tied_rows(state, g)
         if g.kind == "slide":
             shared |= bool((uses[np.unique(state.tables.domains[g.domain].elements)] > 1).any())
         phase = table.phase.numpy()[g.rows]
         phase = np.where(phase == OFF, OFF, np.where(shared, JOINT, np.where(phase == JOINT, FULL, phase)))
+        phase = np.where((phase != OFF) & held, TIED, np.where((phase == TIED) & ~held, FULL, phase))
         write(table.phase, g.rows, phase)
     state.layout += 1
+
+
+def _reached_by_ties(state: State, acting: list[Group]) -> np.ndarray:
+    """Mass points that hang on a rigid body through constraints that share points (points,) bool."""
+    reached = np.zeros(len(state.owner), dtype=bool)
+    before = -1
+    while int(reached.sum()) != before:
+        before = int(reached.sum())
+        for g in acting:
+            rows = tied_rows(state, g) | np.asarray(np.logical_or.reduceat(reached[g.points], g.offsets[:-1]))
+            reached[g.points[np.repeat(rows, np.diff(g.offsets))]] = True
+        reached &= ~state.follows
+    return reached
 
 
 def mark_external(state: State) -> None:

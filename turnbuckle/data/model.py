@@ -2,11 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import warp as wp
 
 from turnbuckle.data.errors import InputError
+from turnbuckle.data.rigid import RigidBodies, RigidField
 from turnbuckle.data.shape import Shape
 
 ForceField = Callable[[np.ndarray, np.ndarray, float, np.ndarray], np.ndarray]
@@ -65,6 +67,12 @@ class Model:
     tetrahedra: Tetrahedra
     fields: tuple[Field, ...]
     shapes: tuple[Shape, ...]
+    rigid: RigidBodies
+    rigid_fields: tuple[RigidField, ...]
+    solver: str  # "equality" | "displacement"
+    displacement: object  # options of the displacement solver
+    rigid_motion: str  # "rotor" | "paper"
+    max_rotation: float  # [rad] a step
     repairs: tuple[str, ...] = ()  # what was mended in the user's meshes, one line each
     device_arrays: dict[str, wp.array] = field(default_factory=dict)  # uploaded once by build()
 
@@ -72,6 +80,14 @@ class Model:
     def points(self) -> int:
         """Number of mass points."""
         return len(self.mass)
+
+    @cached_property
+    def body_of(self) -> np.ndarray:
+        """The rigid body of each point (points,), -1 for mass points."""
+        out = np.full(self.points, -1, dtype=np.int64)
+        for b in range(1, self.rigid.count):
+            out[self.rigid.begin[b] : self.rigid.end[b]] = b
+        return out
 
     @property
     def damped(self) -> bool:

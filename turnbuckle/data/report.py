@@ -34,6 +34,28 @@ class StepReport:
         return max(self.position_residual.values(), default=0.0)
 
 
+def merge_reports(first: StepReport, second: StepReport) -> StepReport:
+    """The report of two steps after each other, as of one."""
+    out = second
+    out.dt = first.dt + second.dt
+    out.halvings = first.halvings + second.halvings + 1
+    for name in ("position_residual", "rate_residual", "iterations"):
+        mine, other = getattr(out, name), getattr(first, name)
+        for kind, value in other.items():
+            mine[kind] = max(value, mine.get(kind, value))
+    for stage, seconds in first.seconds.items():
+        out.seconds[stage] = out.seconds.get(stage, 0.0) + seconds
+    out.momentum_error = (
+        max(first.momentum_error[0], second.momentum_error[0]),
+        max(first.momentum_error[1], second.momentum_error[1]),
+    )
+    out.messages = [*first.messages, *(m for m in second.messages if m not in first.messages)]
+    out.broken = [*first.broken, *second.broken]
+    if out.status == "ok" and first.status != "ok":
+        out.status = first.status
+    return out
+
+
 @dataclass
 class RunReport:
     """A run of many steps. `to_json` of `turnbuckle.run` writes it under the names that scripts rely on."""

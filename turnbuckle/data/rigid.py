@@ -30,6 +30,7 @@ FIXED = 9  # both frames turned alike
 MOTOR_AXIAL = 10  # drives the place of P_a along z_b
 MOTOR_TWIST = 11  # drives the rotation of a about z_b relative to b
 ROLLING = 12  # a wheel centred at P_a with axle z_a and radius `hi` rolls on the plane through P_b with normal z_b
+TIE = 13  # weighted points of bodies and mass points at a goal (the point constraints of Local)
 TRANSLATIONS = (POINT, SEGMENT, RING, SPHERE, CURVE, SURFACE, CALLABLE)
 
 ROWS = 3  # of a part at most
@@ -50,6 +51,7 @@ class RigidBodies:
     ability_to_rotate: np.ndarray  # (n,) [1/m^2] in place of m J^-1 (Displacement, 3.1.4); NaN where the inertia counts
     begin: np.ndarray  # (n,) first of its points among the points of the state
     end: np.ndarray  # (n,)
+    local: np.ndarray  # (points of the state, 3) places of their points in the inertial frames [m]; 0 for mass points
     trajectories: dict[int, object] = field(default_factory=dict)  # body -> t -> (x, q) of the user's frame
 
     @property
@@ -66,13 +68,35 @@ class RigidState:
     q: wp.array  # (n,) quatd xyzw, inertial frame to world
     v: wp.array  # (n,) vec3d [m/s], of the centre of mass
     w: wp.array  # (n,) vec3d [rad/s], in world axes
+    force: wp.array  # (n,) vec3d, all loads but gravity at this state [N]
+    torque: wp.array  # (n,) vec3d, about the centre of mass, world axes [N m]
 
     @classmethod
     def at_rest(cls, n: int, device: str) -> "RigidState":
         """All at the origin."""
         q = wp.full(n, wp.quatd(0.0, 0.0, 0.0, 1.0), dtype=wp.quatd, device=device)
-        x, v, w = (wp.zeros(n, dtype=wp.vec3d, device=device) for _ in range(3))
-        return cls(x, q, v, w)
+        x, v, w, force, torque = (wp.zeros(n, dtype=wp.vec3d, device=device) for _ in range(5))
+        return cls(x, q, v, w, force, torque)
+
+
+@dataclass
+class Loads:
+    """What the user pushes with until told otherwise, world axes; host arrays."""
+
+    force: np.ndarray  # (n, 3) [N]
+    torque: np.ndarray  # (n, 3) [N m]
+    at: np.ndarray  # (n, 3) where the force acts, in the inertial frame [m]
+
+
+@dataclass(frozen=True)
+class RigidField:
+    """A force field on rigid bodies. The functions are those of `turnbuckle.data.model.ForceField`."""
+
+    name: str
+    bodies: np.ndarray  # (k,) int
+    at: np.ndarray  # (k, 3) where the force acts, in the inertial frames [m]
+    force: object
+    torque: object | None
 
 
 @dataclass

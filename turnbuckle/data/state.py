@@ -7,6 +7,7 @@ import warp as wp
 
 from turnbuckle.data.errors import InputError
 from turnbuckle.data.groups import Group
+from turnbuckle.data.rigid import Joint, JointParts, Loads, RigidState
 from turnbuckle.data.tables import Tables
 
 # Places in `State.params`, the numbers that kernels read anew each step.
@@ -46,7 +47,16 @@ class State:
     now: Kinematics
     tables: Tables
     params: wp.array  # (PARAMS,) float64
+    rigid: RigidState
+    loads: Loads
+    parts: JointParts
     gravity: np.ndarray  # (3,) [m/s^2]
+    joints: dict[str, Joint] = field(default_factory=dict)  # by name
+    domains: list = field(default_factory=list)  # curves, surfaces and callables of joint parts
+    impulse: np.ndarray = field(
+        default_factory=lambda: np.zeros(0)
+    )  # of rows in the last step: what the solver starts from
+    active: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32))  # rows at a limit
     time: float = 0.0  # [s]
     steps: int = 0
     dt: float = 0.0  # the last step [s], 0 before the first
@@ -65,6 +75,7 @@ class State:
         default_factory=lambda: np.zeros((0, 2), dtype=np.int64)
     )  # (points, 2): number and row of the group that holds it
     domain_use: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int32))  # slides acting over each point
+    follows: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))  # (points,) those of rigid bodies
     nailed: wp.array | None = None  # (points,) int32, the nail row that holds each point, -1 without
     external: wp.array | None = None  # (points,) uint8, 1 where a nail or velocity goal acts
     layout: int = 0  # counts changes after which recorded launches no longer fit the tables

@@ -13,6 +13,7 @@ import warp as wp
 FULL = 0  # acts fully
 OFF = -1  # does not act
 JOINT = -2  # acts fully, and shares points with others: solved together with them (solvers/joint.py)
+TIED = -3  # acts fully, and takes points of rigid bodies: solved with the joints (solvers/equality.py)
 UNLIMITED = 1e300
 ENTRIES = 5  # points in an attachment or slide at most: the point itself and four of a tetrahedron
 

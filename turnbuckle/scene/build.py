@@ -11,12 +11,17 @@ from turnbuckle.compute import start_warp
 from turnbuckle.constraints.activation import new_owner
 from turnbuckle.data.errors import InputError
 from turnbuckle.data.model import Field, ForceField, Model, Springs
+from turnbuckle.data.rigid import RigidBodies, RigidField
 from turnbuckle.data.shape import Shape, Skin
 from turnbuckle.data.state import PARAMS, Kinematics, State
 from turnbuckle.data.tables import Tables, empty_table
 from turnbuckle.scene.build_bodies import Body, build_body
+from turnbuckle.scene.build_coating import expand_coatings
 from turnbuckle.scene.build_constraints import add_constraints
-from turnbuckle.scene.definitions import ForceDef, SceneDef
+from turnbuckle.scene.build_joints import add_joints, empty_parts
+from turnbuckle.scene.build_rigid_bodies import first_state as first_rigid_state
+from turnbuckle.scene.build_rigid_bodies import no_loads, rigid_bodies, rigid_field
+from turnbuckle.scene.definitions import BodyPairDef, ForceDef, RigidDef, SceneDef
 from turnbuckle.scene.expression import compile_expression
 from turnbuckle.scene.upload import make_tetrahedra, upload
 
@@ -35,6 +40,7 @@ def build(definition: SceneDef, folder: Path, device: str = "cpu") -> tuple[Mode
         ) from None
     if not definition.bodies:
         raise InputError(f"scene '{definition.name}' has no bodies; add one")
+    definition = expand_coatings(definition, folder)
     bodies = [build_body(d, folder) for d in definition.bodies]
     begins = np.cumsum([0, *(len(b.x) for b in bodies)])
     x = np.concatenate([b.x for b in bodies])
@@ -47,6 +53,10 @@ def build(definition: SceneDef, folder: Path, device: str = "cpu") -> tuple[Mode
     materials = np.array([b.material for b in bodies], dtype=np.float64)
     tets, owns_edge, owns_triangle = make_tetrahedra(corners, material, materials, x)
     shapes = tuple(_shape(b.shape, int(begin)) for b, begin in zip(bodies, begins[:-1], strict=True))
+    rigid = [(d, b, s) for d, b, s in zip(definition.bodies, bodies, shapes, strict=True) if isinstance(d, RigidDef)]
+    rigid_definitions = [d for d, _, _ in rigid]
+    rigids = rigid_bodies(rigid_definitions, [b for _, b, _ in rigid], [s for _, _, s in rigid], len(x))
+    fields, rigid_fields = _fields(definition.forces, shapes, mass, rigids)
     model = Model(
         name=definition.name,
         device=device,
@@ -59,18 +69,27 @@ def build(definition: SceneDef, folder: Path, device: str = "cpu") -> tuple[Mode
         size=float(np.linalg.norm(np.ptp(x, axis=0))),
         springs=springs,
         tetrahedra=tets,
-        fields=tuple(_field(f, shapes, len(x)) for f in definition.forces),
+        fields=fields,
         shapes=shapes,
+        rigid=rigids,
+        rigid_fields=rigid_fields,
+        solver=definition.solver,
+        displacement=definition.displacement,
+        rigid_motion=definition.rigid_motion,
+        max_rotation=definition.max_rotation,
         repairs=tuple(b.repairs for b in bodies if b.repairs),
         device_arrays=upload(mass, springs, tets, owns_edge, owns_triangle, device),
     )
-    state = _first_state(definition, model, np.repeat([b.velocity for b in bodies], np.diff(begins), axis=0))
-    add_constraints(model, state, definition.constraints)
+    velocity = np.repeat([b.velocity for b in bodies], np.diff(begins), axis=0)
+    state = _first_state(definition, model, velocity, rigid_definitions)
+    joints = [c for c in definition.constraints if isinstance(c, BodyPairDef)]
+    add_joints(model, state, joints, folder)
+    add_constraints(model, state, [c for c in definition.constraints if not isinstance(c, BodyPairDef)])
     state.scene_groups = state.group_count
     return model, state
 
 
-def _first_state(definition: SceneDef, model: Model, velocity: np.ndarray) -> State:
+def _first_state(definition: SceneDef, model: Model, velocity: np.ndarray, rigid: list[RigidDef]) -> State:
     device, n = model.device, model.points
     gravity = definition.gravity
     if gravity is None:
@@ -83,11 +102,15 @@ def _first_state(definition: SceneDef, model: Model, velocity: np.ndarray) -> St
     return State(
         now=now,
         tables=Tables(**{kind: empty_table(kind, 0, device) for kind in kinds}),
+        rigid=first_rigid_state(rigid, model.rigid, device),
+        loads=no_loads(model.rigid.count),
+        parts=empty_parts(),
         params=wp.zeros(PARAMS, dtype=wp.float64, device=device),
         gravity=np.asarray(gravity, dtype=np.float64),
         dt=0.0,
         owner=owner,
         domain_use=domain_use,
+        follows=model.body_of >= 0,
         nailed=nailed,
         external=external,
     )
@@ -113,13 +136,26 @@ def _shape(shape: Shape, begin: int) -> Shape:
     return replace(shape, begin=begin, end=begin + shape.end, skin=skin)
 
 
-def _field(definition: ForceDef, shapes: tuple[Shape, ...], n: int) -> Field:
-    points = np.arange(n, dtype=np.int32)
-    if definition.body is not None:
-        shape = next(s for s in shapes if s.name == definition.body)
-        points = points[shape.begin : shape.end]
-    force = definition.callable if definition.callable is not None else _expression_force(definition.expression)
-    return Field(definition.name, points, force)
+def _fields(
+    definitions: list[ForceDef], shapes: tuple[Shape, ...], mass: np.ndarray, rigids: RigidBodies
+) -> tuple[tuple[Field, ...], tuple[RigidField, ...]]:
+    """Force fields on mass points, and on rigid bodies."""
+    fields, on_rigid = [], []
+    for d in definitions:
+        force = d.callable if d.callable is not None else _expression_force(d.expression)
+        torque = None if d.torque is None else _expression_force(d.torque)
+        field = rigid_field(d, rigids, force, torque)
+        if field is not None:
+            on_rigid.append(field)
+        elif d.at is not None or d.torque is not None:
+            raise InputError(f"force '{d.name}': 'at' and 'torque' are for rigid bodies; '{d.body}' is none")
+        points = np.flatnonzero(mass > 0.0).astype(np.int32)
+        if d.body is not None:
+            shape = next(s for s in shapes if s.name == d.body)
+            points = points[(points >= shape.begin) & (points < shape.end)]
+        if len(points):
+            fields.append(Field(d.name, points, force))
+    return tuple(fields), tuple(on_rigid)
 
 
 def _expression_force(texts: list[str]) -> ForceField:

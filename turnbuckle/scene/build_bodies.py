@@ -19,7 +19,8 @@ from turnbuckle.meshes.shapes import (
     six_volumes,
 )
 from turnbuckle.meshes.tetrahedralise import tetrahedralise
-from turnbuckle.scene.definitions import RopeDef, SheetDef, SolidDef
+from turnbuckle.scene.build_rigid import RigidShape, rigid_shape
+from turnbuckle.scene.definitions import BodyBase, RigidDef, RopeDef, SheetDef, SolidDef
 
 FILLED = 0.01  # of a surface's volume: what tetrahedra may miss before it is said
 
@@ -39,11 +40,14 @@ class Body:
     tetrahedra: np.ndarray = field(default_factory=lambda: np.zeros((0, 4), np.int32))
     material: tuple[float, ...] = (0.0,) * 6
     repairs: str = ""
+    rigid: RigidShape | None = None
 
 
-def build_body(definition: RopeDef | SheetDef | SolidDef, folder: Path) -> Body:
+def build_body(definition: RigidDef | RopeDef | SheetDef | SolidDef, folder: Path) -> Body:
     """Make a body; mesh paths are relative to ``folder``. Raises InputError that names the body."""
     try:
+        if isinstance(definition, RigidDef):
+            return _rigid(definition, folder)
         if isinstance(definition, RopeDef):
             return _rope(definition, folder)
         if isinstance(definition, SheetDef):
@@ -240,5 +244,13 @@ def unique_edges(elements: np.ndarray, n: int) -> np.ndarray:
     return np.stack([keys // n, keys % n], axis=1).astype(np.int32)
 
 
-def _color(d: RopeDef | SheetDef | SolidDef) -> tuple[float, float, float] | None:
+def _color(d: BodyBase) -> tuple[float, float, float] | None:
     return None if d.color is None else tuple(float(c) for c in d.color)  # type: ignore[return-value]
+
+
+def _rigid(d: RigidDef, folder: Path) -> Body:
+    """Its points follow the pose; they have no mass of their own."""
+    shape = rigid_shape(d, folder)
+    own = Rotation.from_rotvec(np.array(d.rotation)).apply(shape.vertices.reshape(-1, 3)) + d.position
+    drawn = Shape(d.name, 0, len(own), triangles=shape.triangles, color=_color(d))
+    return Body(name=d.name, x=own, mass=np.zeros(len(own)), velocity=np.zeros(3), shape=drawn, rigid=shape)

@@ -61,6 +61,8 @@ def check_windows(model: Model, state: State, groups: Sequence[Group]) -> None:
     points = np.concatenate([g.points for g in enabled])
     start = np.array([g.start for g in enabled])[which]
     end = np.array([g.end for g in enabled])[which]
+    free = model.body_of[points] < 0  # a point of a rigid body may serve many
+    which, row, points, start, end = which[free], row[free], points[free], start[free], end[free]
     order = np.lexsort((start, points))
     same = points[order][1:] == points[order][:-1]
     clash = np.flatnonzero(same & (start[order][1:] < end[order][:-1]))
@@ -235,6 +237,11 @@ def _slides(model: Model, state: State, d: SlideDef) -> Group:
     if len(inside):
         shape = model.shape(d.on.body)
         raise InputError(f"constraint '{d.name}': point {inside[0] - shape.begin} would slide on an element of its own")
+    if state.follows[points].any() or state.follows[domain.elements].any():
+        raise InputError(
+            f"constraint '{d.name}': slides are for mass points on mass points; hold a rigid body on a curve or surface with a "
+            "joint (curve, surface)"
+        )
     state.tables.domains.append(domain)
     state.layout += 1
     rows = reserve(state, "slide", len(points), 0, model.device)

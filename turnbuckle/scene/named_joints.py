@@ -79,7 +79,12 @@ class AxisJointDef(NamedJointDef):
     def _twist(self, to_body1: Rotation, low: float | None, high: float | None) -> TwistDef:
         b = perpendicular(self.axis)
         return TwistDef(
-            axis0=self.axis, axis1=to_body1.apply(np.array(self.axis)), vector0=b, vector1=to_body1.apply(b), min=low, max=high
+            axis0=self.axis,
+            axis1=to_body1.apply(np.array(self.axis)),
+            vector0=b,
+            vector1=to_body1.apply(b),
+            min=low,
+            max=high,
         )
 
 

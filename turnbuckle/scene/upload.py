@@ -89,9 +89,11 @@ def upload(
         return wp.array(np.ascontiguousarray(values), dtype=kind, device=device)
 
     scalars = algebra(lanes).scalars
+    own = np.where(mass > 0.0, mass, 1.0)  # points of rigid bodies go where their bodies go: any mass will do
     return {
-        "mass": put(mass, wp.float64),
-        "inverse_mass": put(1.0 / mass, wp.float64),
+        "mass": put(own, wp.float64),
+        "inverse_mass": put(1.0 / own, wp.float64),
+        "counted_mass": put(mass, wp.float64),
         "spring_pairs": put(springs.pairs, wp.vec2i),
         "spring_inverse_length": put(1.0 / springs.length, wp.float64),
         "spring_k": put(springs.k, wp.float64),

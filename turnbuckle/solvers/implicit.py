@@ -55,7 +55,7 @@ class ImplicitSolver:
         ``b = force + push h K v``; ``free`` are the positions that the step would end at with ``a = 0``.
         """
         x, v = at
-        mass = self.model.mass
+        mass = np.where(self.model.mass > 0.0, self.model.mass, 1.0)  # points of rigid bodies are placed afterwards
         room = ROOM * mass / (beta * h * h)
         parts = [jacobians(e, v, room) for e in all_elements(self.model, x)]
         a = self.pattern.matrix(np.repeat(mass, 3), [-alpha * h * d - beta * h * h * k for k, d in parts])

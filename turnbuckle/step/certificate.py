@@ -37,7 +37,7 @@ def nail_residuals(
     c = known(begin + wp.tid())
     p = real(0.0)
     r = real(0.0)
-    if phase[c] == 0 or phase[c] == -2:
+    if phase[c] == 0 or phase[c] <= -2:
         i = known(point[c])
         p = wp.length_sq(x[i] - goal[c])
         if moving != 0:
@@ -63,7 +63,7 @@ def join_residuals(
     c = known(begin + wp.tid())
     p = real(0.0)
     r = real(0.0)
-    if phase[c] == 0 or phase[c] == -2:
+    if phase[c] == 0 or phase[c] <= -2:
         for e in range(known(offsets[c]) + 1, offsets[c + 1]):
             i = known(points[known(e)])
             j = known(points[known(e - 1)])
@@ -91,7 +91,7 @@ def place_residuals(
     c = known(begin + wp.tid())
     place = vec3()
     drift = vec3()
-    if phase[c] == 0 or phase[c] == -2:
+    if phase[c] == 0 or phase[c] <= -2:
         for k in range(ENTRIES):
             i = known(points[c, k])
             place += weights[c, k] * x[i]
@@ -122,7 +122,7 @@ def slide_residuals(
     c = known(begin + wp.tid())
     p = real(0.0)
     r = real(0.0)
-    if phase[c] == 0 or phase[c] == -2:
+    if phase[c] == 0 or phase[c] <= -2:
         place = vec3()
         drift = vec3()
         edge = int(0)
@@ -158,7 +158,7 @@ def velocity_residuals(
     """Squared distance of the velocity to its goal [m^2/s^2]."""
     c = known(begin + wp.tid())
     r = real(0.0)
-    if phase[c] == 0 or phase[c] == -2:
+    if phase[c] == 0 or phase[c] <= -2:
         r = wp.length_sq(v[point[c]] - goal[c])
     rate_out[c] = r
 

@@ -10,12 +10,16 @@ from turnbuckle.constraints.activation import find_group, remove, retarget, swit
 from turnbuckle.data.errors import InputError, StepError
 from turnbuckle.data.model import Model
 from turnbuckle.data.report import StepReport
+from turnbuckle.data.rigid import Joint
 from turnbuckle.data.state import State
 from turnbuckle.data.tables import Joins
 from turnbuckle.scene.build_constraints import add_constraint, goal_of
-from turnbuckle.scene.definitions import KeyframesDef
+from turnbuckle.scene.build_joints import add_joints, remove_joint
+from turnbuckle.scene.definitions import BodyPairDef, KeyframesDef
 from turnbuckle.scene.scene import CONSTRAINTS, Scene
 from turnbuckle.scene.validation import validate
+from turnbuckle.step.reactions import reactions
+from turnbuckle.step.rigid_access import read_coordinates, read_pose, write_pose, write_push, write_velocity
 from turnbuckle.step.step import Stepper
 
 
@@ -65,6 +69,71 @@ class Simulation:
         """Velocities [m/s] of a body's points, of all points when left out, shape (n, 3), read-only."""
         return self._part(self.state.velocities(), body)
 
+    # Rigid bodies --------------------------------------------------------------------------------------------------
+
+    def pose(self, body: str) -> tuple[np.ndarray, np.ndarray]:
+        """Origin (3,) [m] of a rigid body's own frame, and its quaternion xyzw (4,)."""
+        return read_pose(self.model, self.state, self._rigid(body))
+
+    def center(self, body: str) -> np.ndarray:
+        """Centre of mass (3,) [m] of a rigid body."""
+        return self.state.rigid.x.numpy()[self._rigid(body)].copy()
+
+    def velocity(self, body: str) -> tuple[np.ndarray, np.ndarray]:
+        """Velocity (3,) [m/s] of a rigid body's centre of mass, and its angular velocity (3,) [rad/s] in world axes."""
+        b = self._rigid(body)
+        return self.state.rigid.v.numpy()[b].copy(), self.state.rigid.w.numpy()[b].copy()
+
+    def set_pose(self, body: str, position: Any, quaternion: Any) -> None:
+        """Put a rigid body's own frame at ``position`` (3,) [m], turned by ``quaternion`` (4,) xyzw; speeds stay."""
+        write_pose(self.model, self.state, self._rigid(body), position, quaternion)
+        self.stepper.articulated.place_points()
+
+    def set_velocity(self, body: str, velocity: Any, angular: Any) -> None:
+        """Give a rigid body's centre of mass a velocity (3,) [m/s], and the body an angular one (3,) [rad/s], world axes."""
+        write_velocity(self.model, self.state, self._rigid(body), velocity, angular)
+        self.stepper.articulated.place_points()
+
+    def push(self, body: str, force: Any = None, torque: Any = None, at: Any = None) -> None:
+        """Load a rigid body with a force [N] and torque [N m] in world axes until told otherwise.
+
+        ``at``: where the force acts, in the body's own frame [m]; its centre of mass when left out. What is left out is zero.
+        """
+        write_push(self.model, self.state, self._rigid(body), force, torque, at)
+
+    def reaction(self, joint: str) -> tuple[np.ndarray, np.ndarray]:
+        """Force (3,) [N] and torque (3,) [N m] of a joint on its body1, about the joint's place, world axes.
+
+        At the committed state, from the accelerations that keep all joints closed. Where joints repeat each other (two hinges
+        of a door) the least of all possible reactions.
+        """
+        found = self._joint(joint)
+        force, torque = reactions(self.model, self.state, self.stepper.articulated)
+        return force[found.parts].sum(axis=0), torque[found.parts].sum(axis=0)
+
+    def coordinate(self, joint: str) -> dict[str, float]:
+        """Where a joint is: "place" [m], "distance" [m], "angle" [rad], "twist" [rad], those that it has."""
+        return read_coordinates(self.state, self._joint(joint))
+
+    def joint_residual(self, joint: str) -> tuple[float, float]:
+        """What a joint misses by after the last step [m], [rad]."""
+        values = self.stepper.articulated.residuals()[:2, self._joint(joint).parts]
+        return float(values[0].max(initial=0.0)), float(values[1].max(initial=0.0))
+
+    def _rigid(self, body: str) -> int:
+        names = self.model.rigid.names
+        if body not in names[1:]:
+            self.model.shape(body)
+            raise InputError(f"body '{body}' is not rigid; rigid are: {', '.join(names[1:]) or 'none'}")
+        return names.index(body, 1)
+
+    def _joint(self, name: str) -> Joint:
+        if name not in self.state.joints:
+            raise InputError(f"there is no joint '{name}'; known are: {', '.join(sorted(self.state.joints)) or 'none'}")
+        return self.state.joints[name]
+
+    # Constraints ---------------------------------------------------------------------------------------------------
+
     def forces(self, constraint: str) -> np.ndarray:
         """Constraint forces of the last step [N].
 
@@ -90,6 +159,10 @@ class Simulation:
 
     def switch(self, constraint: str, on: bool) -> None:
         """Switch a constraint on or off from the next step. Raises `ConflictError` when one of its points is taken."""
+        if constraint in self.state.joints:
+            self.state.joints[constraint].enabled = on
+            self.state.joints[constraint].broken &= not on
+            return
         switch(self.model, self.state, constraint, on)
 
     def retarget(self, constraint: str, goal: Any) -> None:
@@ -112,11 +185,17 @@ class Simulation:
         if type not in CONSTRAINTS:
             raise InputError(f"constraint '{name}': unknown type '{type}'; known are {', '.join(CONSTRAINTS)}")
         item = validate(CONSTRAINTS[type], {"name": name, **fields}, f"{type} '{name}'", {"folder": self.scene.folder})
-        add_constraint(self.model, self.state, item)
+        if isinstance(item, BodyPairDef):
+            add_joints(self.model, self.state, [item], self.scene.folder)
+        else:
+            add_constraint(self.model, self.state, item)
 
     def remove_constraint(self, name: str) -> None:
         """Forget a constraint."""
-        remove(self.model, self.state, name)
+        if name in self.state.joints:
+            remove_joint(self.state, name)
+        else:
+            remove(self.model, self.state, name)
 
     def _part(self, values: np.ndarray, body: str | None) -> np.ndarray:
         if body is None:

@@ -9,7 +9,7 @@ from turnbuckle.compute import Program, host
 from turnbuckle.constraints.activation import break_rows, update_windows
 from turnbuckle.data.errors import InputError
 from turnbuckle.data.model import Model
-from turnbuckle.data.report import StepReport
+from turnbuckle.data.report import StepReport, merge_reports
 from turnbuckle.data.state import (
     ADD,
     BACKWARD,
@@ -27,12 +27,14 @@ from turnbuckle.data.state import (
 )
 from turnbuckle.data.tables import Table
 from turnbuckle.integrators import SCHEMES
+from turnbuckle.step.articulated import Articulated
 from turnbuckle.step.certificate import Certificate
 from turnbuckle.step.goals import aim_again, move_goals
 from turnbuckle.step.recording import Scratch, StepRecorder
 
 TOLERANCE = 1e-12  # of the scene's size: what a constraint may miss by in a step that is "ok"
 NEWTON_LEFT = 1e-9  # of the scene's size: what the last Newton iteration may move a point by in a step that is "ok"
+HALVINGS = 12  # of a step that turns a body too far, at most
 ROUND_OFF = 64 * np.finfo(float).eps  # of the largest coordinate or speed: what floating point cannot resolve
 
 
@@ -47,14 +49,34 @@ class Stepper:
         self._damped = model.damped
         self._ramping = 0  # constraints in gradual activation after the last step
         self.scratch = Scratch(model)
+        self.articulated = Articulated(model, state)
 
     def step(self, dt: float) -> StepReport:
-        """Advance the state by ``dt`` [s]. When the report says "failed", the state is as it was before."""
+        """Advance the state by ``dt`` [s]. When the report says "failed", the state is the last good one.
+
+        A step that turns a rigid body by more than the model's `max_rotation` goes back and is taken in two halves.
+        """
         if not (math.isfinite(dt) and dt > 0.0):
             raise InputError(f"dt must be a positive number of seconds, got {dt}")
+        return self._halving(dt, HALVINGS)
+
+    def _halving(self, dt: float, depth: int) -> StepReport:
+        report = self._once(dt, depth == 0)
+        if report is not None:
+            return report
+        first = self._halving(0.5 * dt, depth - 1)
+        if first.status == "failed":
+            return first
+        second = self._halving(0.5 * dt, depth - 1)
+        return merge_reports(first, second)
+
+    def _once(self, dt: float, last: bool) -> StepReport | None:
+        """One step; None when it turned a body too far and was taken back (never when it is the ``last`` resort)."""
         began = time.perf_counter()
         model, state, scheme = self.model, self.state, self.scheme
         update_windows(model, state, dt)
+        if self.articulated.exists:
+            self.articulated.update_windows(dt)
         self._prepare(dt)
         move_goals(state, scheme, dt)
         ramped = self._ramped()
@@ -64,6 +86,8 @@ class Stepper:
                 self._program("evaluate").run()
                 state.dissipation_power = self._damping_power()
                 state.field_power = self.scratch.field_power
+                if self.articulated.exists:
+                    self.articulated.loads(state.rigid, state.time)
             elif dt != state.dt:
                 if scheme.lands_later:
                     aim_again(state, dt)
@@ -73,6 +97,9 @@ class Stepper:
         except (FloatingPointError, np.linalg.LinAlgError) as error:
             self._restore(before)
             return self._failed(dt, str(error))
+        if self.articulated.exists and not last and self.articulated.rotation() > model.max_rotation:
+            self._restore(before)
+            return None
         report = self._report(dt, program, ramped)
         if report.status == "failed":
             self._restore(before)
@@ -89,17 +116,26 @@ class Stepper:
         scheme.predict(r)
         p.stage("constraints")
         on = scheme.landing(r)
-        self.certificate.record_momentum(p, r.mass, ahead.x, ahead.v, "before")
+        counted = self.model.device_arrays["counted_mass"]
+        self.certificate.record_momentum(p, counted, ahead.x, ahead.v, "before")
         p.barrier()
         r.land(on)
         p.barrier()
+        memory = ahead.memory if scheme.velocity_memory else r.scratch("no memory")
+        if self.articulated.exists:
+            p.stage("joints")
+            self.articulated.record_positions(p, r.params, on.x, on.v, memory)
+            p.stage("constraints")
         if scheme.finishes_velocity:
-            self.certificate.record_momentum(p, r.mass, ahead.x, ahead.v, "landed")
+            self.certificate.record_momentum(p, counted, ahead.x, ahead.v, "landed")
             p.barrier()
             scheme.finish(r)
-            self.certificate.record_momentum(p, r.mass, ahead.x, ahead.v, "finished")
+            self.certificate.record_momentum(p, counted, ahead.x, ahead.v, "finished")
             p.barrier()
             r.constrain_velocity(ahead.v)
+        if self.articulated.exists:
+            p.stage("joints")
+            self.articulated.record_velocities(p, r.params, ahead.x, ahead.v, memory)
         p.stage("forces")
         r.forces(ahead.x, ahead.v, ahead.force, 1.0)
         p.stage("integration")
@@ -109,7 +145,7 @@ class Stepper:
             p.host(lambda: r.work.row_forces() if r.work.row_forces else None)
         if scheme.lands_later:
             r.find_places(ahead.x)  # places were found for the step after this one
-        self.certificate.record(p, r.mass, ahead.x, ahead.v, scheme.lands_later)
+        self.certificate.record(p, counted, ahead.x, ahead.v, scheme.lands_later)
 
     def _record_evaluate(self, r: StepRecorder) -> None:
         r.forces(r.now.x, r.now.v, r.now.force, 0.0)
@@ -128,6 +164,8 @@ class Stepper:
             self._programs: dict[tuple[str, int], Program] = {}
             self.scratch.follow(self.model, state)
             self.certificate = Certificate(state, self.model.points, self.model.device, self.scheme.finishes_velocity)
+            if self.articulated.exists:
+                self.articulated.follow()
         c, d = scheme.response(dt)
         paper = self.model.response == "paper"
         params = host(state.params)
@@ -143,6 +181,8 @@ class Stepper:
         params[PREVIOUS_H], params[INVERSE_H] = state.dt, 1.0 / dt
         if not state.params.device.is_cpu:
             state.params.assign(params)
+        if self.articulated.exists:
+            self.articulated.prepare(dt)
 
     def _program(self, name: str) -> Program:
         key = (name, id(self.state.now))
@@ -161,6 +201,8 @@ class Stepper:
         state.work += dt * (self.certificate.power() + 0.5 * (state.field_power + fields))
         state.field_power = fields
         state.now, self._ahead = self._ahead, state.now
+        if self.articulated.exists:
+            self.articulated.commit(dt)
         state.time += dt
         state.steps += 1
         state.dt = dt
@@ -170,6 +212,8 @@ class Stepper:
         report.energies["work"], report.energies["dissipation"] = state.work, state.dissipation
         state.energies = report.energies
         report.broken = break_rows(self.model, state)
+        if self.articulated.exists:
+            report.broken += self.articulated.break_joints(dt)
         if report.broken:
             report.messages.append("broke: " + ", ".join(report.broken[:5]))
 
@@ -190,6 +234,8 @@ class Stepper:
         for table, phase, step in before:
             table.phase.assign(phase)
             table.ramp.step.assign(step)
+        if self.articulated.exists:
+            self.articulated.restore()
 
     def _report(self, dt: float, program: Program, ramped: list[Table]) -> StepReport:
         state, scheme = self.state, self.scheme
@@ -217,6 +263,10 @@ class Stepper:
         left = self.scratch.newton_last
         if left > NEWTON_LEFT * self.model.size:
             report.messages.append(f"Newton's method stopped while it still moved points by {left:.1e} m")
+        if self.articulated.exists:
+            self.articulated.report(report, dt, farthest)
+            if not math.isfinite(sum(report.energies.values())):
+                return self._failed(dt, "poses or velocities of rigid bodies are no longer finite numbers")
         report.settling = settling
         if settling:
             report.messages.append("explicit Euler meets new constraints in their second step")

@@ -1,0 +1,283 @@
+"""Rigid bodies and joints in a step: what is recorded, what the host does around it, what is reported."""
+
+import numpy as np
+import warp as wp
+
+from turnbuckle.compute import Program, host
+from turnbuckle.constraints import rows as constraint_rows
+from turnbuckle.data.model import Model
+from turnbuckle.data.report import StepReport
+from turnbuckle.data.rigid import ROWS, RigidState
+from turnbuckle.data.state import State
+from turnbuckle.data.tables import TIED
+from turnbuckle.geometry.quaternions import rotate
+from turnbuckle.integrators.rattle import close_positions, place_points, project_velocities, remember_points
+from turnbuckle.step.articulated_system import System
+from turnbuckle.step.domain_search import DomainSearch
+from turnbuckle.step.joint_certificate import JointCertificate
+from turnbuckle.step.rigid_measures import rigid_energies, rigid_momentum
+from turnbuckle.step.row_forces import write_row_forces
+
+TOLERANCE = 1e-10  # [m, rad, m/s, rad/s]: what a joint may miss by in a step that is "ok"
+GRAIN = 16  # points that a body is as much work as
+
+
+class Articulated:
+    """The stage of rigid bodies of one model and state."""
+
+    def __init__(self, model: Model, state: State) -> None:
+        self.model, self.state = model, state
+        self.ahead = RigidState.at_rest(model.rigid.count, model.device)
+        for name in ("x", "q"):
+            getattr(self.ahead, name).assign(getattr(state.rigid, name))
+        self.exists = model.rigid.count > 1
+
+    def follow(self) -> None:
+        """Catch up with joints or ties that were added, removed or switched."""
+        self.system = System(self.model, self.state)
+        self.certificate = JointCertificate(self.state, self.model.device)
+        self.search = DomainSearch(self.state, self.system)
+        self.moving_ties = any(
+            g.acting and (g.moving or g.kind == "velocity") for g in self.state.groups.values()
+        ) and bool(len(self.system.ties.target))
+
+    # Around a step -------------------------------------------------------------------------------------------------
+
+    def prepare(self, dt: float) -> None:
+        """Scripted poses at the end of the step, goals of ties, where Newton's method starts."""
+        state, system = self.state, self.system
+        self._before = host(system.row_table.impulse1).copy(), host(system.row_table.active).copy()
+        warm = dt / state.dt if state.dt > 0.0 else 0.0
+        system.islands.warm.fill_(warm)
+        trajectories = self.model.rigid.trajectories
+        if trajectories:
+            self._script(state.time + dt)
+        if self.moving_ties:
+            system.aim(system.parts, constraint_rows.collect(state, dt, TIED))
+
+    def _script(self, t: float) -> None:
+        bodies, ahead = self.model.rigid, self.ahead
+        arrays = {name: getattr(ahead, name).numpy() for name in "xqvw"}
+        for b, trajectory in bodies.trajectories.items():
+            origin, turn = trajectory.pose(t)  # type: ignore[attr-defined]
+            rate, spin = trajectory.rates(t)  # type: ignore[attr-defined]
+            frame = turn.as_quat()
+            inverse = bodies.frame_q[b] * np.array([-1.0, -1.0, -1.0, 1.0])
+            q = _product(frame, inverse)
+            x = origin - rotate(q[None], bodies.frame_x[b][None])[0]
+            arrays["x"][b], arrays["q"][b] = x, q
+            arrays["w"][b] = spin
+            arrays["v"][b] = rate + np.cross(spin, x - origin)
+        for name, values in arrays.items():
+            getattr(ahead, name).assign(values)
+
+    def loads(self, at: RigidState, time: float) -> None:
+        """All loads but gravity, written into ``at`` [N, N m]; raises FloatingPointError when one is not finite."""
+        bodies, pushes = self.model.rigid, self.state.loads
+        x, q, v, w = (getattr(at, name).numpy() for name in "xqvw")
+        force, torque = pushes.force.copy(), pushes.torque.copy()
+        torque += np.cross(rotate(q, pushes.at), pushes.force)
+        for f in self.model.rigid_fields:
+            b = f.bodies
+            arm = rotate(q[b], f.at)
+            given = (x[b] + arm, v[b] + np.cross(w[b], arm), time, bodies.mass[b])
+            value = np.asarray(f.force(*given), dtype=float)  # type: ignore[operator]
+            turn = np.zeros_like(value) if f.torque is None else np.asarray(f.torque(*given), dtype=float)  # type: ignore[operator]
+            if value.shape != (len(b), 3) or turn.shape != (len(b), 3):
+                raise FloatingPointError(f"force '{f.name}' gave shape {value.shape}, expected ({len(b)}, 3)")
+            if not (np.isfinite(value).all() and np.isfinite(turn).all()):
+                raise FloatingPointError(f"force '{f.name}' is not finite at t = {time:g} s on '{bodies.names[b[0]]}'")
+            np.add.at(force, b, value)
+            np.add.at(torque, b, turn + np.cross(arm, value))
+        at.force.assign(force)
+        at.torque.assign(torque)
+
+    @property
+    def loaded(self) -> bool:
+        """Whether anything but gravity and joints acts on rigid bodies."""
+        return bool(self.model.rigid_fields) or bool(self.state.loads.force.any() or self.state.loads.torque.any())
+
+    def restore(self) -> None:
+        """Take back what a failed step has changed."""
+        self.system.row_table.impulse1.assign(self._before[0])
+        self.system.row_table.active.assign(self._before[1])
+
+    def commit(self, dt: float) -> None:
+        """The end of the step becomes the state."""
+        state, system = self.state, self.system
+        state.rigid, self.ahead = self.ahead, state.rigid
+        state.impulse, state.active = host(system.row_table.impulse1), host(system.row_table.active)
+        if len(system.ties.target):
+            write_row_forces(state, system.ties, self.tie_forces(dt), add=False)
+
+    def tie_forces(self, dt: float) -> np.ndarray:
+        """Mean forces of ties in the last step (ties, 3) [N]."""
+        table, n = self.system.row_table, ROWS * self.system.joint_parts
+        total = host(table.impulse)[n:] + host(table.impulse1)[n:]
+        return total[: 3 * len(self.system.ties.target)].reshape(-1, 3) / dt
+
+    def rotation(self) -> float:
+        """Largest rotation of a body in the step [rad]."""
+        return float(host(self.system.islands.angle).max())
+
+    # Recording -----------------------------------------------------------------------------------------------------
+
+    def record_positions(self, p: Program, params: wp.array, x: wp.array, v: wp.array, memory: wp.array) -> None:
+        """Record the flight of all bodies to poses that close all joints, and where their points are then."""
+        s = self.system
+        bodies = s.bodies(self.state.rigid, self.ahead, self.state.rigid)
+        tied = s.tied_points(x, v, memory)
+        if len(s.tied):
+            p.launch(remember_points, len(s.tied), [tied])
+            p.barrier()
+        given = [params, s.islands, bodies, tied, s.parts, s.row_table, s.matrix]
+        if self.search.parts:
+            now = self.state.rigid
+            p.host(lambda: self.search.begin(now))
+        p.launch(close_positions, s.island_count, [*given, 1], GRAIN)
+        p.barrier()
+        if self.search.parts:
+            p.host(lambda: self.search.settle(given, self.ahead))
+        self._record_points(p, bodies, x, v)
+
+    def record_velocities(self, p: Program, params: wp.array, x: wp.array, v: wp.array, memory: wp.array) -> None:
+        """Record the projection of velocities, those of points, and the measurement of joints."""
+        s = self.system
+        bodies = s.bodies(self.state.rigid, self.ahead, self.ahead)
+        ahead = self.ahead
+        p.host(lambda: self._loads_ahead(ahead))
+        tied = s.tied_points(x, v, memory)
+        p.launch(
+            project_velocities, s.island_count, [params, s.islands, bodies, tied, s.parts, s.row_table, s.matrix], GRAIN
+        )
+        p.barrier()
+        self._record_points(p, bodies, x, v)
+        self.certificate.record(p, s.parts, bodies)
+
+    def _loads_ahead(self, ahead: RigidState) -> None:
+        if self.loaded:
+            self.loads(ahead, self.state.time + float(host(self.state.params)[0]))
+            self._were_loaded = True
+        elif getattr(self, "_were_loaded", True):
+            for state in (ahead, self.state.rigid):
+                state.force.zero_()
+                state.torque.zero_()
+            self._were_loaded = False
+
+    def _record_points(self, p: Program, bodies: object, x: wp.array, v: wp.array) -> None:
+        body, point, local, count = self.system.slaves
+        p.launch(place_points, count, [body, point, local, bodies, x, v])
+        p.barrier()
+
+    def place_points(self) -> None:
+        """Put the points of rigid bodies where their bodies are now (poses were written by hand)."""
+        if not hasattr(self, "system"):
+            self.follow()
+        state = self.state
+        bodies = self.system.bodies(state.rigid, state.rigid, state.rigid)
+        body, point, local, count = self.system.slaves
+        wp.launch(
+            place_points,
+            count,
+            inputs=[0, body, point, local, bodies, state.now.x, state.now.v],
+            device=self.model.device,
+        )
+        state.stale = True
+
+    # Reporting -----------------------------------------------------------------------------------------------------
+
+    def report(self, report: StepReport, dt: float, size: float) -> None:
+        """Residuals, energies, momentum and iterations of the step that ends at ``ahead``."""
+        model, state, system = self.model, self.state, self.system
+        report.iterations["equality"] = int(host(system.islands.iterations).max())
+        energies = rigid_energies(model, state, self.ahead)
+        for name, value in energies.items():
+            report.energies[name] = report.energies.get(name, 0.0) + value
+        linear, angular = rigid_momentum(model, state, system, state.rigid, self.ahead, dt)
+        report.momentum_error = (max(report.momentum_error[0], linear), max(report.momentum_error[1], angular))
+        if state.parts.count == 0:
+            return
+        values = self.certificate.read()
+        if self.search.parts:
+            values[0, self.search.numbers] = np.maximum(
+                values[0, self.search.numbers], self.search.residuals(self.ahead)
+            )
+        if any(j.acting for j in state.joints.values()):
+            report.active["joint"] = sum(j.acting for j in state.joints.values())
+            worst = values.max(axis=1)
+            report.position_residual["joint"], report.position_residual["joint_rotation"] = (
+                float(worst[0]),
+                float(worst[1]),
+            )
+            report.rate_residual["joint"], report.rate_residual["joint_rotation"] = float(worst[2]), float(worst[3])
+            allowed = TOLERANCE + 64 * np.finfo(float).eps * size
+            if not (worst <= allowed).all():
+                self._name_worst(report, values, allowed)
+
+    def residuals(self) -> np.ndarray:
+        """[m], [rad], [m/s], [rad/s] of each part after the last step, shape (4, parts)."""
+        return self.certificate.read()
+
+    def _name_worst(self, report: StepReport, values: np.ndarray, allowed: float) -> None:
+        names = {int(p): j.name for j in self.state.joints.values() for p in j.parts}
+        score = np.nan_to_num(values.max(axis=0), nan=np.inf)
+        order = np.argsort(-score, kind="stable")[:3]
+        told = []
+        for p in order:
+            if score[p] > allowed:
+                m, rad, rate, spin = values[:, p]
+                told.append(
+                    f"'{names.get(int(p), '?')}' by {m:.2e} m and {rad:.2e} rad (rates {rate:.1e} m/s, {spin:.1e} rad/s)"
+                )
+        report.messages.append(f"joints that cannot be closed: {', '.join(told)}")
+
+    def break_joints(self, dt: float) -> list[str]:
+        """Switch off for good joints whose mean force or torque of the step has passed their limit; their names."""
+        state = self.state
+        limited = [
+            j for j in state.joints.values() if j.acting and (np.isfinite(j.break_force) or np.isfinite(j.break_torque))
+        ]
+        if not limited:
+            return []
+        broken = []
+        force, torque = self.mean_reactions(dt)
+        for joint in limited:
+            f, t = force[joint.parts].sum(axis=0), torque[joint.parts].sum(axis=0)
+            if np.linalg.norm(f) > joint.break_force or np.linalg.norm(t) > joint.break_torque:
+                joint.broken, joint.acting = True, False
+                broken.append(joint.name)
+        if broken:
+            self.system.parts.on.assign(
+                np.r_[self.system.switches(state), np.ones(self.system.parts.on.shape[0] - state.parts.count)]
+            )
+        return broken
+
+    def mean_reactions(self, dt: float) -> tuple[np.ndarray, np.ndarray]:
+        """Mean force on body1 [N], and torque about the joint's place [N m], of each part in the last step (parts, 3)."""
+        table, n = self.system.row_table, self.state.parts.count
+        impulse, impulse1 = (host(a)[: ROWS * n] / dt for a in (table.impulse, table.impulse1))
+        l0, l1, t0, t1 = (host(a)[: ROWS * n] for a in (table.line_start, table.line, table.t_start, table.t_a))
+        force = (impulse[:, None] * l0 + impulse1[:, None] * l1).reshape(n, ROWS, 3).sum(axis=1)
+        turn = (impulse[:, None] * t0 + impulse1[:, None] * t1).reshape(n, ROWS, 3).sum(axis=1)
+        arm = rotate(self.state.rigid.q.numpy()[self.state.parts.a], self.state.parts.p_a)
+        return force, turn - np.cross(arm, force)
+
+    def update_windows(self, dt: float) -> None:
+        """Switch joints on and off as their windows ask."""
+        state, changed = self.state, False
+        slack = 1e-6 * dt
+        for joint in state.joints.values():
+            wanted = joint.enabled and not joint.broken and joint.start <= state.time + slack < joint.end
+            if wanted != joint.acting:
+                joint.acting = wanted
+                changed = True
+        if changed and hasattr(self, "system"):
+            on = np.ones(self.system.parts.on.shape[0])
+            on[: state.parts.count] = self.system.switches(state)
+            self.system.parts.on.assign(on.astype(np.int32))
+
+
+def _product(p: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """Quaternions xyzw, p after q."""
+    v = p[3] * q[:3] + q[3] * p[:3] + np.cross(p[:3], q[:3])
+    return np.r_[v, p[3] * q[3] - p[:3] @ q[:3]]

@@ -1,0 +1,103 @@
+"""Looking up curves, surfaces and user domains: where the nearest permissible point is, and what is held there (4.1.3).
+
+The solver closes ``n.(P - P') = 0`` for given P' and n; looking again from where it has put P, and closing again, converges
+like Newton's method. Forces keep pointing where they did at the start of the step, as everywhere in `integrators/rattle.py`.
+"""
+
+import numpy as np
+import warp as wp
+
+from turnbuckle.data import rigid
+from turnbuckle.data.articulated import EQUAL, LIMIT, NONE
+from turnbuckle.data.rigid import ROWS, RigidState
+from turnbuckle.data.state import State
+from turnbuckle.geometry.domains import Held
+from turnbuckle.geometry.quaternions import conjugate, multiply, rotate
+from turnbuckle.integrators.rattle import close_positions
+from turnbuckle.step.articulated_system import System
+
+LOOKS = 40  # in a step at most
+SETTLED = 2e-13  # [m] that a point may still be off its domain
+
+
+class DomainSearch:
+    """The parts of a system that are on domains; `parts` is 0 where there are none."""
+
+    def __init__(self, state: State, system: System) -> None:
+        self.state, self.system = state, system
+        kinds = (rigid.CURVE, rigid.SURFACE, rigid.CALLABLE)
+        self.numbers = np.flatnonzero(np.isin(state.parts.kind, kinds))
+        self.parts = len(self.numbers)
+        self.origin = state.parts.p_b[self.numbers].copy()
+
+    def _local(self, at: RigidState) -> np.ndarray:
+        """The points in the frames of their domains (k, 3)."""
+        parts, k = self.state.parts, self.numbers
+        x, q = at.x.numpy(), at.q.numpy()
+        a, b = parts.a[k], parts.b[k]
+        d = x[a] + rotate(q[a], parts.p_a[k]) - x[b] - rotate(q[b], self.origin)
+        return rotate(conjugate(multiply(q[b], parts.q_b[k])), d)
+
+    def _held(self, p: np.ndarray) -> list[Held]:
+        return [self.state.domains[self.state.parts.domain[k]].held(p[i : i + 1]) for i, k in enumerate(self.numbers)]
+
+    def residuals(self, at: RigidState) -> np.ndarray:
+        """Distances of the points from their domains (k,) [m]."""
+        p = self._local(at)
+        near = [
+            self.state.domains[self.state.parts.domain[k]].nearest(p[i : i + 1])[0] for i, k in enumerate(self.numbers)
+        ]
+        return np.linalg.norm(p - np.array(near), axis=1)
+
+    def begin(self, now: RigidState) -> None:
+        """Look from the start of the step."""
+        found = self._held(self._local(now))
+        self._write(found, found)
+        self._start = found
+
+    def settle(self, given: list, ahead: RigidState) -> None:
+        """Look again from where the points are, and close, until nothing moves."""
+        for _ in range(LOOKS):
+            p = self._local(ahead)
+            found = self._held(p)
+            self._write(found, self._start)
+            if self.residuals(ahead).max() <= SETTLED:
+                return
+            wp.launch(close_positions, self.system.island_count, inputs=[0, *given, 0], device=self.system.device)
+
+    def _write(self, found: list[Held], start: list[Held]) -> None:
+        """Nearest points, held directions (aligned with those of the start) and modes, to the device."""
+        parts, s = self.state.parts, self.system
+        p_b = s.parts.p_b.numpy()
+        normal, normal0 = s.parts.normal.numpy(), s.parts.normal0.numpy()
+        mode = s.row_table.mode.numpy()
+        lo, hi = s.parts.lo.numpy(), s.parts.hi.numpy()
+        for i, k in enumerate(self.numbers):
+            now, then = found[i], start[i]
+            count = int(now.count[0])
+            frame = parts.q_b[k]
+            p_b[k] = self.origin[i] + rotate(frame[None], now.point)[0]
+            directions = now.directions[0].copy()
+            if count == int(then.count[0]) and not now.one_sided[0].any():
+                directions[:count] = _aligned(directions[:count], then.directions[0][:count])
+                normal0[3 * k : 3 * k + 3] = then.directions[0]
+            else:
+                normal0[3 * k : 3 * k + 3] = directions
+            normal[3 * k : 3 * k + 3] = directions
+            lo[k], hi[k] = 0.0, rigid.FREE
+            for r in range(ROWS):
+                held = int(LIMIT) if now.one_sided[0, r] else int(EQUAL)
+                mode[ROWS * k + r] = held if r < count else int(NONE)
+        for array, values in (
+            (s.parts.p_b, p_b), (s.parts.normal, normal), (s.parts.normal0, normal0), (s.row_table.mode, mode),
+            (s.parts.lo, lo), (s.parts.hi, hi),
+        ):  # fmt: skip
+            array.assign(values)
+
+
+def _aligned(directions: np.ndarray, like: np.ndarray) -> np.ndarray:
+    """The same plane, with the basis turned as near to ``like`` as can be."""
+    if len(directions) == 0:
+        return directions
+    u, _, vt = np.linalg.svd(like @ directions.T)
+    return (u @ vt) @ directions
