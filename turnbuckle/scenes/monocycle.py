@@ -71,12 +71,21 @@ def _torso() -> list[dict]:
     """Trunk, arms, head and the fork that holds the wheel; its origin is the appendix's `body`."""
     parts: list[dict] = [
         {"box": [0.62, 1.1, 0.32], "position": [0.0, 0.05, 0.0]},
+        {
+            "cylinder": {"radius": 0.1, "length": 0.2},
+            "position": [0.0, 0.66, 0.0],
+            "rotation": [0.5 * math.pi, 0.0, 0.0],
+        },
         {"sphere": 0.26, "position": [0.0, 0.92, 0.02]},
         {"box": [0.3, 0.1, 0.45], "position": [0.0, -0.62, 0.0]},
     ]
     for x in (-0.16, 0.16):
         parts.append(
-            {"capsule": {"radius": 0.035, "length": 1.35}, "position": [x, -1.32, 0.0], "rotation": [1.5708, 0, 0]}
+            {
+                "capsule": {"radius": 0.035, "length": 1.35},
+                "position": [x, -1.32, 0.0],
+                "rotation": [0.5 * math.pi, 0.0, 0.0],
+            }
         )
     for x in (-0.62, 0.62):
         tilt = math.copysign(0.9, x)

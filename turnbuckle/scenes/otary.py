@@ -6,14 +6,24 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from turnbuckle.data.errors import InputError
+from turnbuckle.meshes.solids import sphere_surface
 from turnbuckle.scene.scene import Scene
 
 # The animal in the plane z = 0, y up, looking along x [m]: where the middle lines of its parts begin and end.
-TAIL_TIP, RUMP = np.array([-1.35, 0.16, 0.0]), np.array([-0.70, 0.30, 0.0])
-NECK, NOSE = np.array([0.42, 0.90, 0.0]), np.array([1.00, 1.30, 0.0])
-BELLY = np.array([-0.12, 0.10, 0.0])
+TAIL_TIP, RUMP = np.array([-1.30, 0.30, 0.0]), np.array([-0.68, 0.42, 0.0])
+NECK, NOSE = np.array([0.42, 1.00, 0.0]), np.array([0.98, 1.34, 0.0])
+BELLY = np.array([-0.15, 0.36, 0.0])
+# Of each part: mass of the kernel [kg], radius of the kernel and thickness of the coat [m].
+PARTS = {"tail": (5.0, 0.05, 0.05), "body": (40.0, 0.20, 0.10), "head": (9.0, 0.09, 0.06)}
+# Rings of the skin from the tip of the tail to the nose: part, place along the part, 0 at its joint with the body or
+# the rump, radius [m].
+RINGS = (
+    ("tail", 0.98, 0.05), ("tail", 0.85, 0.11), ("tail", 0.5, 0.10), ("tail", 0.1, 0.16),
+    ("body", 0.08, 0.23), ("body", 0.35, 0.31), ("body", 0.65, 0.30), ("body", 0.92, 0.21),
+    ("head", 0.12, 0.16), ("head", 0.4, 0.15), ("head", 0.7, 0.16), ("head", 0.9, 0.11), ("head", 1.02, 0.06),
+)  # fmt: skip
 FUR = [0.36, 0.33, 0.31]
-RADII = {"tail": 0.13, "body": 0.30, "head": 0.17}
+TRAY_THICKNESS = 0.03  # [m]
 
 
 def otary(
@@ -21,23 +31,28 @@ def otary(
     ball: float = 0.13,
     level: float = 0.06,
     strength: float = 1.0,
-    dt: float = 1.0 / 240.0,
+    soft: bool = True,
+    dt: float = 1.0 / 960.0,
     duration: float = 6.0,
 ) -> Scene:
     """An otary keeps a ball on a tray on its nose while forces and torques move head and tail (Figure 6).
 
-    As in the paper: head, body and tail on points to point with angle and twist; a tray of radius `tray` [m] hinged on
-    the nose, kept within `level` [rad] of horizontal by an angle to the world; a ball of radius `ball` [m] that must
-    stay on it by a point to ring, here a disc. Head and tail are driven by forces and torques, times `strength`. In place
-    of the floor that the paper does not mention, the belly rests on a ball joint with an angle and a twist; soft angles
-    stand for the muscles that hold up head and tail. y is up.
+    As in the paper: head, body and tail of deformable material around rigid kernels on points to point with angle and
+    twist, under one skin; a tray of radius `tray` [m] hinged on the nose, kept within `level` [rad] of horizontal by an
+    angle to the world; a deformable ball of radius `ball` [m] that must stay on it by a point to ring, here a disc. Head
+    and tail are driven by forces and torques, times `strength`. The paper does not say what the otary lies on: here a
+    drum, by a ball joint with angle and twist; soft angles stand for the muscles that hold up head and tail. y is up.
+    `soft=False` leaves the kernels bare.
     """
     if not 0.0 < ball < tray:
         raise InputError(f"otary: ball = {ball:g} m must be less than tray = {tray:g} m")
     scene = Scene("otary", up_axis="Y", dt=dt, duration=duration)
-    _add_part(scene, "body", RUMP, NECK, 40.0)
-    _add_part(scene, "head", NECK, NOSE, 9.0)
-    _add_part(scene, "tail", RUMP, TAIL_TIP, 5.0)
+    _add_part(scene, "body", RUMP, NECK, soft)
+    _add_part(scene, "head", NECK, NOSE, soft)
+    _add_part(scene, "tail", RUMP, TAIL_TIP, soft)
+    if soft:
+        _add_skin(scene)
+    _add_flippers(scene)
     up, along = [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]
     held = {"cone": 0.20, "lower_limit": -0.35, "upper_limit": 0.35}
     scene.add_joint("cone_twist", "belly", body1="body", anchor=BELLY, axis=up, **held)
@@ -45,19 +60,9 @@ def otary(
     scene.add_joint("cone_twist", "neck", body0="body", body1="head", anchor=NECK, axis=along, cone=0.5, **turning)
     scene.add_joint("cone_twist", "rump", body0="body", body1="tail", anchor=RUMP, axis=along, cone=0.6, **turning)
     _add_muscles(scene)
-
-    top = np.array([0.0, 0.015, 0.0])
-    plate = {"cylinder": {"radius": tray, "length": 0.03}, "rotation": [0.5 * math.pi, 0.0, 0.0]}
-    tip = NOSE + [0.06, RADII["head"] + 0.02, 0.0]
-    scene.add_rigid("tray", parts=[plate], mass=0.8, position=tip + top, color=[0.78, 0.62, 0.25])
-    scene.add_joint("ball", "nose", body0="head", body1="tray", anchor=tip)
-    scene.add_joint("joint", "tray_level", body1="tray", angle={"axis0": up, "axis1": up, "max": level})
-    scene.add_rigid(
-        "ball", sphere=ball, mass=0.3, position=tip + 2.0 * top + [0.0, ball, 0.0], color=[0.80, 0.20, 0.20]
-    )
-    disc = {"normal": up, "max": tray - 0.5 * ball}
-    places = {"local_pos0": top + [0.0, ball, 0.0], "local_pos1": [0.0, 0.0, 0.0]}
-    scene.add_joint("joint", "on_tray", body0="tray", body1="ball", planar=disc, restitution=0.6, **places)
+    _add_drum(scene)
+    _add_tray(scene, tray, level)
+    _add_ball(scene, tray, ball, soft)
 
     def wave(size: float, rate: float) -> str:
         return f"{size * strength!r} * sin({rate!r} * t)"
@@ -69,15 +74,21 @@ def otary(
     return scene
 
 
-def _add_part(scene: Scene, name: str, start: np.ndarray, end: np.ndarray, mass: float) -> None:
-    """A capsule from start to end [m]; both lie in the plane z = 0."""
+def _coat(stiffness: float) -> dict[str, float]:
+    soft = dict.fromkeys(("k_distance", "k_area", "k_volume"), stiffness)
+    return {**soft, **dict.fromkeys(("damping_distance", "damping_area", "damping_volume"), 5e-3 * stiffness)}
+
+
+def _add_part(scene: Scene, name: str, start: np.ndarray, end: np.ndarray, soft: bool) -> None:
+    """A capsule from start to end [m], both in the plane z = 0, with its coat."""
+    mass, radius, coat = PARTS[name]
     along = end - start
     far = float(np.linalg.norm(along))
     # z onto the direction, by a turn in the plane y = 0 and one in the plane z = 0.
     turn = Rotation.from_euler("yz", [0.5 * math.pi, math.atan2(along[1], along[0])])
     scene.add_rigid(
         name,
-        capsule={"radius": RADII[name], "length": far - 0.5 * RADII[name]},
+        capsule={"radius": radius, "length": far - radius},
         mass=mass,
         position=0.5 * (start + end),
         rotation=turn.as_rotvec(),
@@ -85,11 +96,78 @@ def _add_part(scene: Scene, name: str, start: np.ndarray, end: np.ndarray, mass:
         linear_damping=0.2,
         angular_damping=1.0,
     )
+    if soft:
+        scene.add_coating(f"{name}_flesh", around=name, thickness=coat, density=100.0, color=FUR, **_coat(30.0))
+
+
+def _add_skin(scene: Scene) -> None:
+    """One surface from the tip of the tail to the nose."""
+    lengths = {"tail": TAIL_TIP - RUMP, "body": NECK - RUMP, "head": NOSE - NECK}
+    sections = []
+    for part, place, radius in RINGS:
+        # The tail's kernel points backwards, against the way of the rings.
+        axis = [0.0, 0.0, -1.0 if part == "tail" else 1.0]
+        position = [0.0, 0.0, (place - 0.5) * float(np.linalg.norm(lengths[part]))]
+        sections.append({"body": f"{part}_flesh", "position": position, "axis": axis, "radius": radius})
+    scene.add_skin("skin", bodies=["tail_flesh", "body_flesh", "head_flesh"], sections=sections, color=FUR)
+
+
+def _add_flippers(scene: Scene) -> None:
+    """Two flippers on the body, welded."""
+    points, triangles = sphere_surface(1.0)
+    for name, sign in (("left_flipper", 1.0), ("right_flipper", -1.0)):
+        place = np.array([0.12, 0.52, 0.33 * sign])
+        scene.add_rigid(
+            name,
+            vertices=points * [0.10, 0.26, 0.035],
+            triangles=triangles,
+            mass=0.8,
+            position=place,
+            rotation=[-0.7 * sign, 0.0, 0.25],
+            color=FUR,
+        )
+        scene.add_joint("weld", f"{name}_weld", body0="body", body1=name, anchor=place)
+
+
+def _add_drum(scene: Scene) -> None:
+    """What the otary lies on, to look at."""
+    height = float(BELLY[1])
+    drum = {"cylinder": {"radius": 0.34, "length": height}, "rotation": [0.5 * math.pi, 0.0, 0.0]}
+    drum["position"] = [BELLY[0], 0.5 * height, 0.0]
+    scene.add_rigid("drum", parts=[drum], motion="immobile", color=[0.55, 0.20, 0.25])
+
+
+def _add_tray(scene: Scene, radius: float, level: float) -> None:
+    """The tray on the nose, kept almost horizontal."""
+    top, up = np.array([0.0, 0.5 * TRAY_THICKNESS, 0.0]), [0.0, 1.0, 0.0]
+    plate = {"cylinder": {"radius": radius, "length": TRAY_THICKNESS}, "rotation": [0.5 * math.pi, 0.0, 0.0]}
+    tip = NOSE + [0.06, PARTS["head"][1] + 0.03, 0.0]
+    scene.add_rigid("tray", parts=[plate], mass=0.8, position=tip + top, color=[0.78, 0.62, 0.25])
+    scene.add_joint("ball", "nose", body0="head", body1="tray", anchor=tip)
+    scene.add_joint("joint", "tray_level", body1="tray", angle={"axis0": up, "axis1": up, "max": level})
+
+
+def _add_ball(scene: Scene, tray: float, radius: float, soft: bool) -> None:
+    """A ball whose middle stays in a disc above the tray."""
+    above = np.array([0.0, 0.5 * TRAY_THICKNESS + radius, 0.0])
+    start = next(body for body in scene.definition.bodies if body.name == "tray").position + above
+    kernel = 0.6 * radius if soft else radius
+    scene.add_rigid("ball", sphere=kernel, mass=0.3, position=start, color=[0.80, 0.20, 0.20])
+    if soft:
+        coat = {"thickness": radius - kernel, "density": 100.0, "color": [0.80, 0.20, 0.20]}
+        scene.add_coating("ball_rubber", around="ball", **coat, **_coat(3.0))
+    disc = {"normal": [0.0, 1.0, 0.0], "max": tray - 0.5 * radius}
+    places = {"local_pos0": above, "local_pos1": [0.0, 0.0, 0.0]}
+    scene.add_joint("joint", "on_tray", body0="tray", body1="ball", planar=disc, restitution=0.6, **places)
 
 
 def _add_muscles(scene: Scene) -> None:
     """Preferred directions of body, head and tail: those of the start, held by springs and dampers."""
-    frames = {body.name: Rotation.from_rotvec(np.array(body.rotation)) for body in scene.definition.bodies}
+    frames = {
+        body.name: Rotation.from_rotvec(np.array(body.rotation))
+        for body in scene.definition.bodies
+        if body.type == "rigid"
+    }
     ahead = np.array([0.0, 0.0, 1.0])  # along every part, in its own frame
     for name, first, second, stiffness in (
         ("back", None, "body", 900.0),

@@ -137,6 +137,7 @@ def _add_bar(scene: Scene, sway: float, duration: float) -> None:
         "bar",
         parts=[{"box": [0.8, 0.04, 0.03]}, {"box": [0.04, 0.64, 0.03]}],
         color=WOOD,
+        position=[0.0, 0.0, BAR],
         markers=[[*hook, 0.0] for _, _, hook in STRINGS.values()],
         trajectory={
             "times": times,
