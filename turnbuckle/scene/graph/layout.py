@@ -7,6 +7,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components, shortest_path
 
 MAX_ITERATIONS = 400
+MAX_WORK = 6e6  # pairs of nodes times iterations: a second or two
 TOLERANCE = 1e-5
 GAP = 1.0  # between parts that are not connected, in lengths of an edge
 
@@ -55,7 +56,7 @@ def _majorised(d: np.ndarray) -> np.ndarray:
     w = 1.0 / (d + np.eye(n)) ** 2 - np.eye(n)
     laplacian = np.diag(w.sum(1)) - w
     inverse = np.linalg.inv(laplacian + 1.0 / n) - 1.0 / n  # the mean is kept at the origin
-    for _ in range(MAX_ITERATIONS):
+    for _ in range(min(MAX_ITERATIONS, max(10, int(MAX_WORK / n**2)))):
         length = np.linalg.norm(x[:, None] - x[None], axis=2)
         b = -w * d / np.maximum(length, 1e-9)
         np.fill_diagonal(b, 0.0)

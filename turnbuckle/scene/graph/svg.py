@@ -11,9 +11,9 @@ import numpy as np
 
 from turnbuckle.data.errors import InputError
 from turnbuckle.scene.graph.edges import ANGLE, BOTH, POINT, ConstraintGraph, Node
-from turnbuckle.scene.graph.layout import layout
+from turnbuckle.scene.graph.layout import MAX_WORK, layout
 
-MAX_NODES = 1500
+MAX_NODES = 1000
 EDGE = 150.0  # length of an edge on the page [px]
 FONT = 14.0
 LETTER = 0.56 * FONT  # mean width of a letter
@@ -88,7 +88,7 @@ def _label(node: Node) -> str:
 def _apart(places: np.ndarray, widths: np.ndarray) -> np.ndarray:
     """Boxes that overlap are pushed apart, the way that is shorter."""
     x = places.copy()
-    for _ in range(60):
+    for _ in range(min(60, max(5, int(MAX_WORK / len(x) ** 2)) if len(x) else 0)):
         gap = x[:, None] - x[None]
         need_x = 0.5 * (widths[:, None] + widths[None]) + 24.0 - np.abs(gap[..., 0])
         need_y = HEIGHT + 28.0 - np.abs(gap[..., 1])
