@@ -38,4 +38,5 @@ class Shape:
     tetrahedra: np.ndarray = field(default_factory=lambda: _empty(4))  # (n, 4) int32
     skin: Skin | None = None  # drawn instead of `triangles` when there
     color: tuple[float, float, float] | None = None  # RGB in [0, 1]
+    local: np.ndarray | None = None  # (end - begin, 3) of a rigid body: its points in its own frame [m]
     drawn: bool = True  # False for what a skin covers; its points are recorded all the same

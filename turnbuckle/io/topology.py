@@ -23,6 +23,8 @@ def pack(shapes: list[Shape], info: Mapping[str, Any]) -> tuple[dict[str, np.nda
         if shape.skin is not None:
             for name in _SKIN:
                 arrays[f"shape{number}_skin_{name}"] = getattr(shape.skin, name)
+        if shape.local is not None:
+            arrays[f"shape{number}_local"] = shape.local
         described.append(
             {
                 "name": shape.name,
@@ -30,6 +32,7 @@ def pack(shapes: list[Shape], info: Mapping[str, Any]) -> tuple[dict[str, np.nda
                 "end": int(shape.end),
                 "color": None if shape.color is None else [float(c) for c in shape.color],
                 "skin": shape.skin is not None,
+                "rigid": shape.local is not None,
                 "drawn": shape.drawn,
             }
         )
@@ -46,8 +49,9 @@ def unpack(arrays: Mapping[str, np.ndarray], text: str) -> tuple[list[Shape], di
             skin = Skin(**{name: np.asarray(arrays[f"shape{number}_skin_{name}"]) for name in _SKIN})
         plain = {name: np.asarray(arrays[f"shape{number}_{name}"]) for name in _PLAIN}
         color = None if one["color"] is None else tuple(one["color"])
-        drawn = bool(one.get("drawn", True))
-        shapes.append(Shape(one["name"], one["begin"], one["end"], **plain, skin=skin, color=color, drawn=drawn))
+        local = np.asarray(arrays[f"shape{number}_local"]) if one.get("rigid") else None
+        more = {"skin": skin, "color": color, "local": local, "drawn": bool(one.get("drawn", True))}
+        shapes.append(Shape(one["name"], one["begin"], one["end"], **plain, **more))
     return shapes, info
 
 

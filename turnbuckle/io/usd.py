@@ -1,6 +1,7 @@
 """A run as USD, for Houdini, Blender and Omniverse: names of UsdGeom, points as time samples.
 
-A body with lines is a BasisCurves, with triangles (its skin, else the boundary of the solid) a Mesh, with tetrahedra
+A rigid body is an Xform whose transform has time samples, with a still Mesh below; it has the rigid body API of
+UsdPhysics, marked kinematic, so that a physics engine plays the recording back. A body with lines is a BasisCurves, with triangles (its skin, else the boundary of the solid) a Mesh, with tetrahedra
 also a TetMesh of purpose "guide", which viewers hide until asked. What a skin covers is there, invisible. Time codes
 are seconds times frames per second.
 
@@ -21,10 +22,11 @@ import numpy as np
 
 from turnbuckle.data.errors import InputError
 from turnbuckle.data.shape import Shape
+from turnbuckle.geometry.fit import fit_pose
 from turnbuckle.io.recorder import Recorder, check_frame, reason
 
 with contextlib.suppress(ImportError):  # an optional extra: UsdRecorder says what to install
-    from pxr import Gf, Sdf, Tf, Usd, UsdGeom, Vt
+    from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics, Vt
 
 _Pick = Callable[[np.ndarray], np.ndarray]  # positions or velocities of all points -> those of a prim
 _UNSAVED = 1 << 26  # bytes of frames kept in memory before they are saved unasked
@@ -47,7 +49,7 @@ class UsdRecorder(Recorder):
             path.unlink(missing_ok=True)
             layer = Sdf.Layer.CreateNew(str(self._written), args={"format": "usdc"})
             self._stage: Usd.Stage | None = Usd.Stage.Open(layer)
-            self._bodies = _define(self._stage, shapes, info)
+            self._bodies, self._frames = _define(self._stage, shapes, info)
             layer.Save()
         except Tf.ErrorException as error:
             raise OSError(_reason(error)) from None
@@ -70,6 +72,9 @@ class UsdRecorder(Recorder):
                     ends = np.stack([points.min(axis=0), points.max(axis=0)])
                     prim.GetExtentAttr().Set(Vt.Vec3fArray.FromNumpy(ends), code)
                 self._unsaved += 2 * points.nbytes
+            for frame in self._frames:
+                frame.write(x, code)
+                self._unsaved += 56
         if self._unsaved > _UNSAVED:
             self.flush()
 
@@ -91,14 +96,41 @@ class UsdRecorder(Recorder):
                 self._stage.GetRootLayer().Export(str(self._path))
             except Tf.ErrorException as error:
                 raise InputError(f"recording {self._path}: cannot be written ({_reason(error)})") from None
-        self._bodies = []
+        self._bodies, self._frames = [], []
         self._stage = None
         if self._text:
             self._written.unlink(missing_ok=True)
 
 
-def _define(stage: Usd.Stage, shapes: list[Shape], info: dict[str, Any]) -> list[tuple[UsdGeom.PointBased, _Pick]]:
-    """All prims with their topology; of each also what takes its points out of the state."""
+class _Frame:
+    """The transform of a rigid body, found from its points."""
+
+    def __init__(self, group: UsdGeom.Xform, shape: Shape) -> None:
+        self._shape = shape
+        self._translate = group.AddTranslateOp(UsdGeom.XformOp.PrecisionDouble)
+        self._orient = group.AddOrientOp(UsdGeom.XformOp.PrecisionDouble)
+        self._last = np.array([0.0, 0.0, 0.0, 1.0])
+        body = UsdPhysics.RigidBodyAPI.Apply(group.GetPrim())
+        body.CreateKinematicEnabledAttr().Set(True)
+
+    def write(self, x: np.ndarray, code: float) -> None:
+        """A sample for the positions ``x`` [m] of all points."""
+        assert self._shape.local is not None
+        own = x[self._shape.begin : self._shape.end]
+        if not np.isfinite(own).all():
+            return
+        origin, xyzw = fit_pose(self._shape.local, own)
+        if xyzw @ self._last < 0.0:  # of the two quaternions of a rotation the one near the last, for interpolation
+            xyzw = -xyzw
+        self._last = xyzw
+        self._translate.Set(Gf.Vec3d(*origin.tolist()), code)
+        self._orient.Set(Gf.Quatd(float(xyzw[3]), *xyzw[:3].tolist()), code)
+
+
+def _define(
+    stage: Usd.Stage, shapes: list[Shape], info: dict[str, Any]
+) -> tuple[list[tuple[UsdGeom.PointBased, _Pick]], list[_Frame]]:
+    """All prims with their topology; of each that changes shape what takes its points out of the state; rigid frames."""
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y if info["up_axis"] == "Y" else UsdGeom.Tokens.z)
     stage.SetTimeCodesPerSecond(info["frames_per_second"])
@@ -106,6 +138,7 @@ def _define(stage: Usd.Stage, shapes: list[Shape], info: dict[str, Any]) -> list
     stage.GetRootLayer().comment = "Recorded by Turnbuckle"
     stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/World").GetPrim())
     bodies: list[tuple[UsdGeom.PointBased, _Pick]] = []
+    frames: list[_Frame] = []
     taken: set[str] = set()
     for shape in shapes:
         body = f"/World/{_free_name(shape.name, taken)}"
@@ -113,6 +146,10 @@ def _define(stage: Usd.Stage, shapes: list[Shape], info: dict[str, Any]) -> list
         group.GetPrim().SetDisplayName(shape.name)
         if not shape.drawn:
             group.CreateVisibilityAttr().Set(UsdGeom.Tokens.invisible)
+        if shape.local is not None:
+            frames.append(_Frame(group, shape))
+            _still(_mesh(stage, f"{body}/surface", shape.triangles), shape)
+            continue
         own = np.arange(shape.begin, shape.end)
         made: list[tuple[UsdGeom.PointBased, _Pick]] = []
         if shape.skin is not None:
@@ -128,7 +165,20 @@ def _define(stage: Usd.Stage, shapes: list[Shape], info: dict[str, Any]) -> list
             if shape.color is not None:
                 prim.CreateDisplayColorAttr().Set([Gf.Vec3f(*(float(c) for c in shape.color))])
         bodies.extend(made)
-    return bodies
+    return bodies, frames
+
+
+def _still(mesh: UsdGeom.Mesh, shape: Shape) -> None:
+    """The surface of a rigid body in its own frame, without markers."""
+    used, index = np.unique(shape.triangles, return_inverse=True)
+    assert shape.local is not None
+    points = shape.local[used].astype(np.float32)
+    mesh.CreatePointsAttr().Set(Vt.Vec3fArray.FromNumpy(points))
+    mesh.CreateFaceVertexIndicesAttr().Set(Vt.IntArray.FromNumpy(index.astype(np.int32).ravel()))
+    if len(points):
+        mesh.CreateExtentAttr().Set(Vt.Vec3fArray.FromNumpy(np.stack([points.min(axis=0), points.max(axis=0)])))
+    if shape.color is not None:
+        mesh.CreateDisplayColorAttr().Set([Gf.Vec3f(*(float(c) for c in shape.color))])
 
 
 def _rows(index: np.ndarray) -> _Pick:
