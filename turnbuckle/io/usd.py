@@ -1,9 +1,9 @@
 """A run as USD, for Houdini, Blender and Omniverse: names of UsdGeom, points as time samples.
 
 A rigid body is an Xform whose transform has time samples, with a still Mesh below; it has the rigid body API of
-UsdPhysics, marked kinematic, so that a physics engine plays the recording back. A body with lines is a BasisCurves, with triangles (its skin, else the boundary of the solid) a Mesh, with tetrahedra
-also a TetMesh of purpose "guide", which viewers hide until asked. What a skin covers is there, invisible. Time codes
-are seconds times frames per second.
+UsdPhysics, marked kinematic, so that a physics engine plays the recording back. Of other bodies, lines are a
+BasisCurves, triangles (the skin, else the boundary of the solid) a Mesh, tetrahedra also a TetMesh of purpose "guide",
+which viewers hide until asked. What a skin covers is there, invisible. Time codes are seconds times frames per second.
 
 Binary layers (.usdc, .usd) are saved every few frames: the crate format appends, moves what was saved out of memory
 and turns its table of contents last, so memory stays flat and a kill leaves the frames of the last save. A text layer
