@@ -10,7 +10,7 @@ A domain answers two questions for points p (n, 3):
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -166,6 +166,34 @@ class Sphere(_Limited):
         one_sided[:, 0] = limited & ~same & (hi > 0.0) & ~((lo > 0.0) & (hi - lo <= AT_LIMIT))
         count = np.where(hi <= 0.0, 3, limited)
         return Held(self.nearest(p), basis(radial * np.where(side < 0, -1.0, 1.0)[:, None]), count, one_sided)
+
+
+class Union(Domain):
+    """In any of several domains."""
+
+    def __init__(self, parts: Sequence[Domain]) -> None:
+        self._parts = list(parts)
+
+    def _choice(self, p: np.ndarray) -> np.ndarray:
+        """The domain with the nearest point, the first of them (n,)."""
+        distances = [np.linalg.norm(part.nearest(p) - p, axis=1) for part in self._parts]
+        return np.argmin(distances, axis=0)
+
+    def nearest(self, p: np.ndarray) -> np.ndarray:
+        near, choice = np.array(p, dtype=float), self._choice(p)
+        for k in np.unique(choice):
+            near[choice == k] = self._parts[k].nearest(p[choice == k])
+        return near
+
+    def held(self, p: np.ndarray) -> Held:
+        n, choice = len(p), self._choice(p)
+        held = Held(np.zeros((n, 3)), np.zeros((n, 3, 3)), np.zeros(n, int), np.zeros((n, 3), bool))
+        for k in np.unique(choice):
+            rows = choice == k
+            part = self._parts[k].held(p[rows])
+            for name in ("point", "directions", "count", "one_sided"):
+                getattr(held, name)[rows] = getattr(part, name)
+        return held
 
 
 class CallableDomain(Domain):

@@ -1,8 +1,8 @@
 """Closing all joints at once: Levenberg-Marquardt steps, the shortest in mass, whatever the rank.
 
 A step solves ``(J J^T + lambda) y = -s`` and moves by ``J^T y``. With lambda in proportion to ``|s|`` it converges
-quadratically to a set of solutions that need not be regular (Fan and Yuan, 2005): redundant joints, and loops that move
-though a count of rows forbids it, need no test of rank. Rows that contradict each other end in the least sum of squares.
+quadratically to a set of solutions that need not be regular (Fan and Yuan, 2005): redundant joints, and loops that
+move though a count of rows forbids it, need no test of rank. Contradictory rows end in the least sum of squares.
 """
 
 from collections.abc import Callable
@@ -73,7 +73,7 @@ def close(
     tolerance: float,
     max_steps: int,
     max_rotation: float,
-    watch: Callable[[Poses], None] | None = None,
+    watch: Callable[[Poses, float], None] | None = None,
 ) -> Closed:
     """Newton steps from ``poses`` until all rows are within ``tolerance``, or nothing gets better."""
     rows = system.rows(poses)
@@ -96,7 +96,7 @@ def close(
             factor = max(0.2 * factor, 1e-6)
             slow = slow + 1 if new_merit > (1.0 - FLAT) * merit else 0
             if watch is not None:
-                watch(poses)
+                watch(poses, value)
         else:
             factor *= 8.0
             slow += 1

@@ -1,7 +1,7 @@
 """All that joints and ties hold, linearised at given poses: residuals and their derivatives, for Newton steps.
 
-Unknowns are small motions of the bodies in scaled units, six each: ``sqrt(m) dx`` and ``sqrt(J) dR`` along the principal
-axes, so that the shortest step is the one that moves the least mass.
+Unknowns are small motions of the bodies in scaled units, six each: ``sqrt(m) dx`` and ``sqrt(J) dR`` along the
+principal axes, so that the shortest step is the one that moves the least mass.
 """
 
 from dataclasses import dataclass

@@ -15,7 +15,7 @@ and chains converge. In scheme two (19) then closes all that is left.
 Angles and twists: a joint turns a and b by ``J_a^-1 L`` and ``-J_b^-1 L``, which keeps angular momentum.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy import sparse
@@ -105,10 +105,12 @@ class Displacement:
         points: np.ndarray | None = None,
         *,
         start: tuple[np.ndarray, np.ndarray] | None = None,
+        watch: Callable[[Poses, float], None] | None = None,
     ) -> DisplacementResult:
         """Move bodies x (n, 3), q (n, 4) and mass points (m, 3) until all gaps are within the tolerance.
 
-        ``start``: x and q at the start of the step, needed by rolling.
+        ``start``: x and q at the start of the step, needed by rolling. ``watch`` is called after each iteration with
+        the poses and the largest gap before it.
         """
         options, c, ties = self.options, self.conditions, self.ties
         poses = Poses(np.array(x, dtype=float), np.array(q, dtype=float))
@@ -145,6 +147,8 @@ class Displacement:
             points = points + shift[self.count : units]
             stuck = max(norm(shift).max(initial=0.0), norm(rotation).max(initial=0.0)) < STUCK * largest
             iteration += 1
+            if watch is not None:
+                watch(poses, largest)
         return self._result(poses, points, iteration, bool(converged), (gap, missing, angle), history)
 
     def _result(
