@@ -16,11 +16,12 @@ from turnbuckle.data.shape import Shape, Skin
 from turnbuckle.data.state import PARAMS, Kinematics, State
 from turnbuckle.data.tables import Tables, empty_table
 from turnbuckle.scene.build_bodies import Body, build_body
-from turnbuckle.scene.build_coating import expand_coatings
+from turnbuckle.scene.build_coating import carry_coatings, expand_coatings
 from turnbuckle.scene.build_constraints import add_constraints
 from turnbuckle.scene.build_joints import add_joints, empty_parts
 from turnbuckle.scene.build_rigid_bodies import first_state as first_rigid_state
 from turnbuckle.scene.build_rigid_bodies import no_loads, rigid_bodies, rigid_field
+from turnbuckle.scene.build_skin import add_skins
 from turnbuckle.scene.definitions import BodyPairDef, ForceDef, RigidDef, SceneDef
 from turnbuckle.scene.expression import compile_expression
 from turnbuckle.scene.upload import make_tetrahedra, upload
@@ -40,6 +41,7 @@ def build(definition: SceneDef, folder: Path, device: str = "cpu") -> tuple[Mode
         ) from None
     if not definition.bodies:
         raise InputError(f"scene '{definition.name}' has no bodies; add one")
+    written = definition
     definition = expand_coatings(definition, folder)
     bodies = [build_body(d, folder) for d in definition.bodies]
     begins = np.cumsum([0, *(len(b.x) for b in bodies)])
@@ -70,7 +72,7 @@ def build(definition: SceneDef, folder: Path, device: str = "cpu") -> tuple[Mode
         springs=springs,
         tetrahedra=tets,
         fields=fields,
-        shapes=shapes,
+        shapes=add_skins(written, shapes, x),
         rigid=rigids,
         rigid_fields=rigid_fields,
         solver=definition.solver,
@@ -82,6 +84,7 @@ def build(definition: SceneDef, folder: Path, device: str = "cpu") -> tuple[Mode
     )
     velocity = np.repeat([b.velocity for b in bodies], np.diff(begins), axis=0)
     state = _first_state(definition, model, velocity, rigid_definitions)
+    carry_coatings(written, model, state)
     joints = [c for c in definition.constraints if isinstance(c, BodyPairDef)]
     add_joints(model, state, joints, folder)
     add_constraints(model, state, [c for c in definition.constraints if not isinstance(c, BodyPairDef)])

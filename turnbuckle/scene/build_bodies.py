@@ -21,6 +21,7 @@ from turnbuckle.meshes.shapes import (
 from turnbuckle.meshes.tetrahedralise import tetrahedralise
 from turnbuckle.scene.build_rigid import RigidShape, rigid_shape
 from turnbuckle.scene.definitions import BodyBase, RigidDef, RopeDef, SheetDef, SolidDef
+from turnbuckle.scene.trajectories import start_pose
 
 FILLED = 0.01  # of a surface's volume: what tetrahedra may miss before it is said
 
@@ -54,7 +55,8 @@ def build_body(definition: RigidDef | RopeDef | SheetDef | SolidDef, folder: Pat
             return _sheet(definition, folder)
         return _solid(definition, folder)
     except InputError as error:
-        raise InputError(f"body '{definition.name}': {error}") from None
+        text = str(error)
+        raise InputError(text if text.startswith("body '") else f"body '{definition.name}': {text}") from None
 
 
 def _placed(definition: RopeDef | SheetDef | SolidDef, points: np.ndarray) -> np.ndarray:
@@ -251,6 +253,7 @@ def _color(d: BodyBase) -> tuple[float, float, float] | None:
 def _rigid(d: RigidDef, folder: Path) -> Body:
     """Its points follow the pose; they have no mass of their own."""
     shape = rigid_shape(d, folder)
-    own = Rotation.from_rotvec(np.array(d.rotation)).apply(shape.vertices.reshape(-1, 3)) + d.position
-    drawn = Shape(d.name, 0, len(own), triangles=shape.triangles, color=_color(d))
+    origin, turn = start_pose(d)
+    own = turn.apply(shape.vertices) + origin
+    drawn = Shape(d.name, 0, len(own), triangles=shape.triangles, color=_color(d), local=shape.vertices)
     return Body(name=d.name, x=own, mass=np.zeros(len(own)), velocity=np.zeros(3), shape=drawn, rigid=shape)

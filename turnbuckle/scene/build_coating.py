@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 
 from turnbuckle.data.errors import InputError
+from turnbuckle.data.model import Model
+from turnbuckle.data.state import State
 from turnbuckle.meshes.inside import winding_numbers
 from turnbuckle.meshes.read import SurfaceMesh, read_mesh
 from turnbuckle.meshes.repair import check_surface
@@ -18,6 +20,7 @@ from turnbuckle.meshes.shell import Shell, box_shell, capsule_shell, cylinder_sh
 from turnbuckle.meshes.tetrahedralise import tetrahedralise
 from turnbuckle.scene.build_rigid import rigid_shape
 from turnbuckle.scene.definitions import CoatingDef, PointsDef, PointsToPointDef, RigidDef, SceneDef, SolidDef
+from turnbuckle.scene.trajectories import start_pose
 
 MATERIAL = ("k_distance", "k_area", "k_volume", "damping_distance", "damping_area", "damping_volume")
 
@@ -52,6 +55,20 @@ def expand_coatings(definition: SceneDef, folder: Path) -> SceneDef:
             text = str(error)
             raise InputError(text if text.startswith("body '") else f"coating '{coating.name}': {text}") from None
     return definition.model_copy(update={"bodies": list(bodies.values()), "constraints": constraints})
+
+
+def carry_coatings(definition: SceneDef, model: Model, state: State) -> None:
+    """Let the points of coatings start with the motion of their kernels. ``definition`` is the user's."""
+    coatings = [body for body in definition.bodies if isinstance(body, CoatingDef)]
+    if not coatings:
+        return
+    points, velocity = state.now.x.numpy(), state.now.v.numpy()
+    x, v, w = state.rigid.x.numpy(), state.rigid.v.numpy(), state.rigid.w.numpy()
+    for coating in coatings:
+        shape, b = model.shape(coating.name), model.rigid.names.index(coating.around)
+        own = slice(shape.begin, shape.end)
+        velocity[own] = v[b] + np.cross(w[b], points[own] - x[b])
+    state.now.v.assign(velocity)
 
 
 def coating_shell(coating: CoatingDef, kernel: RigidDef, folder: Path) -> Shell:
@@ -113,11 +130,11 @@ def _with_anchors(kernel: RigidDef, points: np.ndarray) -> RigidDef:
 def _solid(coating: CoatingDef, kernel: RigidDef, shell: Shell) -> SolidDef:
     """The solid of the shell's tetrahedra where the kernel is. Its mass is that of the true volume."""
     mass = coating.mass if coating.mass is not None else float(coating.density or 0.0) * shell.volume
+    origin, turn = start_pose(kernel)
     return SolidDef(
         name=coating.name,
-        position=kernel.position,
-        rotation=kernel.rotation,
-        velocity=kernel.velocity,
+        position=origin,
+        rotation=turn.as_rotvec(),
         color=kernel.color if coating.color is None else coating.color,
         vertices=shell.vertices,
         tetrahedra=shell.tetrahedra,

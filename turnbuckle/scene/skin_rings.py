@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 from turnbuckle.data.errors import InputError
 from turnbuckle.data.shape import Shape
 from turnbuckle.meshes.spline_surface import ring_gain
-from turnbuckle.scene.definitions import CoatingDef, SkinDef
+from turnbuckle.scene.definitions import CoatingDef, RigidDef, SkinDef
+from turnbuckle.scene.trajectories import start_pose
 
 RINGS = 3  # a body
 CAP = 0.55  # radius of the ring in the plane of a pole, in parts of the last ring's: makes a dome close to a half ball
@@ -69,9 +70,12 @@ def given_rings(d: SkinDef, bodies: Mapping[str, Any]) -> tuple[list[Ring], np.n
         body = bodies[section.body]
         if isinstance(body, CoatingDef):
             body = bodies[body.around]
-        turn = Rotation.from_rotvec(np.array(body.rotation))
+        if isinstance(body, RigidDef):
+            origin, turn = start_pose(body)
+        else:
+            origin, turn = np.array(body.position), Rotation.from_rotvec(np.array(body.rotation))
         axis = turn.apply(section.axis / np.linalg.norm(section.axis))
-        middle = body.position + turn.apply(body.scale * section.position)
+        middle = origin + turn.apply(body.scale * section.position)
         across = _carry(across, axes[-1], axis) if axes else _perpendicular(axis)
         towards = np.outer(np.cos(angle), across) + np.outer(np.sin(angle), np.cross(axis, across))
         axes.append(axis)

@@ -34,6 +34,13 @@ class Trajectory:
         return v, w
 
 
+def start_pose(d: RigidDef) -> tuple[np.ndarray, Rotation]:
+    """Where a body's own frame starts: origin (3,) [m] and rotation. Raises `InputError`."""
+    if d.trajectory is not None:
+        return trajectory_of(d).pose(0.0)
+    return np.array(d.position), Rotation.from_rotvec(np.array(d.rotation))
+
+
 def trajectory_of(d: RigidDef) -> Trajectory:
     """The trajectory of a scripted body. Raises `InputError`."""
     given = d.trajectory
