@@ -194,6 +194,8 @@ def test_in_which_interval_of_time_it_is_valid() -> None:
 def test_names_that_are_words_of_the_language_stand_in_quotes() -> None:
     joint = one('constraint object1 "end"; object2 sphere; hinge 0 0 0 0 0 0; name "max"; end', '"end"', "sphere")
     assert (joint.body0, joint.body1, joint.name) == ("end", "sphere", "max")
+    joint = one("constraint object1 axial; object2 min; hinge 0 0 0 0 0 0; name hinge; end", '"axial"', '"min"')
+    assert (joint.body0, joint.body1, joint.name) == ("axial", "min", "hinge")  # before a ';' there is no doubt
 
 
 def test_motors_soft_domains_breaking_and_radians() -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 from turnbuckle.scene.language.forms import Form
 from turnbuckle.scene.language.tokens import LanguageError, Position, Token
-from turnbuckle.scene.language.words import INFINITE, MEANING, RESERVED, normal
+from turnbuckle.scene.language.words import INFINITE, MEANING, RESERVED, STRUCTURE, normal
 
 Place = tuple[str | int, ...]
 MAX_DEPTH = 10  # parentheses in parentheses
@@ -56,7 +56,8 @@ class Values:
             raise self.expected(what)
         if token.kind == "number":
             raise self.expected(what, "; a name of digits stands in quotes")
-        if token.written in RESERVED:
+        after = self.tokens[self.at + 1]
+        if token.written in RESERVED and (token.written in STRUCTURE or after.kind != "mark" or after.written != ";"):
             raise self.expected(what, ", which is a word of the language; a name like it stands in quotes")
         return self.take().written
 

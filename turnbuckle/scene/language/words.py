@@ -39,11 +39,12 @@ from turnbuckle.scene.language.forms import form_of
 
 LISTS = {"object": "bodies", "force": "forces", "constraint": "constraints", "skin": "skins"}
 BLOCKS = ("world", *LISTS)
-# No bare name may be one of these: a name forgotten before them must not swallow them. Quoted, it may.
+# A bare name may be one of these only right before a ';': a name forgotten before them must not swallow them.
 RESERVED = {
     *(*BLOCKS, "end", "object1", "object2", "hinge", "axial", "planar", "angle", "twist", "about", "min", "max"),
     *("inf", "infinity"),
 }
+STRUCTURE = {*BLOCKS, "end"}  # never a bare name, not even right before a ';'
 INFINITE = {"inf": 1.0, "+inf": 1.0, "-inf": -1.0, "infinity": 1.0, "+infinity": 1.0, "-infinity": -1.0}
 FLAGS = {"yes": True, "true": True, "no": False, "false": False}
 
