@@ -97,7 +97,8 @@ class Scene:
     def include(self, path: str | os.PathLike[str]) -> list[str]:
         """Add what a `.gascuel` file describes; returns the names of its constraints.
 
-        The file may name objects of the scene, and need not describe any. Raises `InputError`; the scene is unchanged then.
+        The file may name objects of the scene, and need not describe any; where it says `world`, it changes fields of the
+        scene. Raises `InputError`; the scene is unchanged then.
         """
         before = len(self.definition.constraints)
         self.definition = add_description(path, self.definition, self.folder)

@@ -11,6 +11,7 @@ A `;` may be left out, for it is always known how many values a word takes.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any
 
 from turnbuckle.scene.base_definition import Definition
@@ -53,6 +54,7 @@ def parse(text: str) -> Description:
     return _Parser(tokenise(text)).file()
 
 
+@cache
 def classes_of(kind: str) -> dict[str, type[Definition]]:
     """The definitions that a block may become, by type."""
     if kind in DEFAULT_TYPES:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterable
-from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -130,7 +129,7 @@ def _validated(
 ) -> SceneDef:
     base: dict[str, Any] = {} if into is None else given_data(into)
     first = {name: len(base.get(name, [])) for name in LISTS.values()}
-    data = {**base, **deepcopy(parsed.data)}
+    data = {**base, **parsed.data}
     for name in LISTS.values():
         data[name] = [*base.get(name, []), *data[name]]
     name_constraints(data["constraints"])
