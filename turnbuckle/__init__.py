@@ -11,6 +11,9 @@ if TYPE_CHECKING:
     from turnbuckle.data.model import Model
     from turnbuckle.data.report import RunReport, StepReport
     from turnbuckle.data.state import State
+    from turnbuckle.run.assemble import assemble
+    from turnbuckle.run.assembly_report import AssemblyReport
+    from turnbuckle.run.pose import pose
     from turnbuckle.run.run import run_scene
     from turnbuckle.scene.scene import Scene
     from turnbuckle.step.simulation import Simulation
@@ -20,6 +23,7 @@ __version__ = "0.1.0"
 
 # Where each public name lives. Loaded when first asked for, so that `turnbuckle --help` does not wait for Warp.
 _HOMES = {
+    "AssemblyReport": "run.assembly_report",
     "ConflictError": "data.errors",
     "InputError": "data.errors",
     "Model": "data.model",
@@ -31,12 +35,14 @@ _HOMES = {
     "StepReport": "data.report",
     "Stepper": "step.step",
     "TurnbuckleError": "data.errors",
+    "assemble": "run.assemble",
+    "pose": "run.pose",
     "run_scene": "run.run",
 }
 
 __all__ = [
-    "ConflictError", "InputError", "Model", "RunReport", "Scene", "Simulation", "State", "StepError", "StepReport",
-    "Stepper", "TurnbuckleError", "run_scene",
+    "AssemblyReport", "ConflictError", "InputError", "Model", "RunReport", "Scene", "Simulation", "State", "StepError",
+    "StepReport", "Stepper", "TurnbuckleError", "assemble", "pose", "run_scene",
 ]  # fmt: skip
 
 

@@ -4,6 +4,7 @@ from typing import Annotated
 
 import typer
 
+from turnbuckle.cli.assemble import assemble
 from turnbuckle.cli.bench import bench
 from turnbuckle.cli.check import check
 from turnbuckle.cli.convert import convert
@@ -40,7 +41,7 @@ def options(
     """Exact constrained dynamics of ropes, nets, cloth and deformable solids."""
 
 
-for verb in (run, check, convert, scenes, schema, bench):
+for verb in (run, check, assemble, convert, scenes, schema, bench):
     app.command()(verb)
 
 

@@ -5,8 +5,6 @@ from collections.abc import Callable
 from os import PathLike
 from pathlib import Path
 
-import numpy as np
-
 from turnbuckle.data.errors import InputError
 from turnbuckle.run.assembled_scene import moved_scene
 from turnbuckle.run.assembly_bodies import clumps
@@ -86,12 +84,15 @@ def follow(film: Film, progress: Progress | None) -> Callable[[Poses, float], No
 def report_of(search: Search, tolerance: float, seconds: float) -> AssemblyReport:
     """The report of a search."""
     end, first = search.result, search.first
-    size = np.maximum(end.gap, end.angle)
-    order = [i for i in np.argsort(-size, kind="stable") if not size[i] <= tolerance]
+    left: dict[str, OpenJoint] = {}  # a point constraint of many rows by the worst of each measure
+    for name, gap, angle in zip(end.names, end.gap, end.angle, strict=True):
+        old = left.get(name, OpenJoint(name, 0.0, 0.0))
+        left[name] = OpenJoint(name, max(old.gap, float(gap)), max(old.angle, float(angle)))
+    wide = [joint for joint in left.values() if not max(joint.gap, joint.angle) <= tolerance]
     return AssemblyReport(
-        closed=not order,
+        closed=not wide,
         tolerance=tolerance,
-        joints=len(end.names),
+        joints=len(left),
         gap=float(end.gap.max(initial=0.0)),
         angle=float(end.angle.max(initial=0.0)),
         start_gap=float(first.gap.max(initial=0.0)),
@@ -100,5 +101,5 @@ def report_of(search: Search, tolerance: float, seconds: float) -> AssemblyRepor
         steps=search.steps,
         attempts=search.attempts,
         seconds=seconds,
-        open=[OpenJoint(end.names[i], float(end.gap[i]), float(end.angle[i])) for i in order],
+        open=sorted(wide, key=lambda joint: -max(joint.gap, joint.angle)),
     )

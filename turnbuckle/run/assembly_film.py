@@ -1,4 +1,4 @@
-"""The way of an assembly, recorded as a film: a few frames from each iteration to the next."""
+"""The way of an assembly, recorded as a film: as many frames as there is motion to see."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,14 +7,16 @@ from pathlib import Path
 import numpy as np
 
 from turnbuckle.data.model import Model
-from turnbuckle.geometry.quaternions import conjugate, exponential, logarithm, multiply
+from turnbuckle.geometry.quaternions import conjugate, exponential, logarithm, multiply, norm
 from turnbuckle.run.assembly_bodies import Clumps
 from turnbuckle.run.outputs import Outputs
 from turnbuckle.scene.scene import Scene
 from turnbuckle.solvers.displacement.conditions import Poses
 
-BETWEEN = 4  # frames an iteration
-HELD = 0.5  # seconds that the last picture stays
+SEEN = 0.005  # motion that a picture shows, of the size of the scene or [rad]; less waits for more
+STRIDE = 0.05  # motion from a frame to the next
+MOST = 6  # frames an iteration
+HELD = 0.25  # seconds that the last picture stays
 
 
 @dataclass
@@ -36,6 +38,7 @@ class Film:
 
     def __init__(self, paths: Sequence[Path], model: Model, made: Clumps, scene: Scene) -> None:
         self._made, self._last = made, made.poses
+        self._size = max(model.size, 1e-300)
         self._rate = scene.definition.frames_per_second
         self._count = 0
         self._outputs = Outputs(paths, model, self._rate, {"scene": scene.name, "what": "assembly"}) if paths else None
@@ -56,7 +59,12 @@ class Film:
         if self._outputs is None:
             return
         turn = logarithm(multiply(poses.q, conjugate(self._last.q)))
-        for part in np.arange(1, BETWEEN + 1) / BETWEEN:
+        shift = norm(poses.x - self._last.x).max(initial=0.0) / self._size
+        motion = max(float(shift), float(norm(turn).max(initial=0.0)))
+        if motion < SEEN:
+            return
+        count = int(np.clip(np.ceil(motion / STRIDE), 1, MOST))
+        for part in np.arange(1, count + 1) / count:
             x = self._last.x + part * (poses.x - self._last.x)
             self._write(Poses(x, multiply(exponential(part * turn), self._last.q)))
         self._last = poses

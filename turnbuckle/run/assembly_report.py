@@ -20,7 +20,7 @@ class AssemblyReport:
 
     closed: bool  # all within the tolerance
     tolerance: float  # [m and rad]
-    joints: int  # joints and ties that were to close
+    joints: int  # joints and point constraints that were to close
     gap: float  # largest left [m]
     angle: float  # largest left [rad]
     start_gap: float  # largest at the start [m]
@@ -40,7 +40,8 @@ class AssemblyReport:
     def text(self) -> str:
         """The report for a person to read."""
         lines = [
-            f"{self.joints} joints and ties, at first up to {self.start_gap:.3g} m and {self.start_angle:.3g} rad open",
+            f"{self.joints} joints and point constraints, "
+            f"at first up to {self.start_gap:.3g} m and {self.start_angle:.3g} rad open",
             f"{self.iterations} iterations in displacements, {self.steps} Newton steps, {self.seconds:.2f} s",
             f"{'closed' if self.closed else 'NOT CLOSED'}: largest gap {self.gap:.2e} m and {self.angle:.2e} rad",
         ]

@@ -11,6 +11,7 @@ from turnbuckle.solvers.assembly.newton import close
 from turnbuckle.solvers.assembly.rows import Linearised
 from turnbuckle.solvers.displacement.conditions import Poses
 from turnbuckle.solvers.displacement.displace import Displacement
+from turnbuckle.solvers.displacement.mobility import Mobility
 from turnbuckle.solvers.displacement.options import DisplacementOptions, DisplacementResult
 
 NEAR = 0.02  # of the size of the bodies: gaps of less are left to Newton
@@ -63,25 +64,35 @@ class Closer:
             ties=made.ties,
         )
 
+    @property
+    def mobility(self) -> Mobility:
+        """What moves, and how easily."""
+        return self._near.mobility
+
     def measure(self, poses: Poses) -> DisplacementResult:
         """What each joint and tie has left."""
         return self._near.solve(poses.x, poses.q)
 
     def search(
-        self, tolerance: float, max_iterations: int | None = None, watch: Watch | None = None, *, tries: int = ATTEMPTS
+        self,
+        tolerance: float,
+        max_iterations: int | None = None,
+        watch: Watch | None = None,
+        *,
+        start: Poses | None = None,
     ) -> Search:
         """Poses that close all joints, or as near as was found. The same input gives the same poses."""
-        start = self._made.poses
+        start = self._made.poses if start is None else start
         first = self.measure(start)
         best, done = first, Search(first, first, 0, 0, 0)
         if worst(first) <= tolerance:
             return done
         random = np.random.default_rng(0)
         before = np.inf
-        for attempt in range(tries):
+        for attempt in range(ATTEMPTS):
             limit = COARSE if attempt == 0 else FINE
             limit = limit if max_iterations is None else min(limit, max_iterations - done.iterations)
-            poses = start if attempt < 2 else self._shaken(Poses(best.x, best.q), random)
+            poses = start if attempt < 2 else self.shaken(Poses(best.x, best.q), random)
             own_watch = watch if attempt == 0 else None
             near = self._displacement(NEAR * self.system.size, max(limit, 0)).solve(poses.x, poses.q, watch=own_watch)
             closed = close(
@@ -102,7 +113,7 @@ class Closer:
         done.result = best
         return done
 
-    def _shaken(self, poses: Poses, random: np.random.Generator) -> Poses:
+    def shaken(self, poses: Poses, random: np.random.Generator) -> Poses:
         """Poses with every body turned a little."""
         moving = self._near.mobility.dynamic
         turn = np.where(moving[:, None], random.normal(0.0, SHAKEN, (len(moving), 3)), 0.0)

@@ -19,9 +19,9 @@ STILL = 1e-12  # of the largest row: a row that moves nothing
 
 @dataclass
 class RowSet:
-    """Rows ``s + J d = 0``, or ``>= 0`` where ``sided``; each is divided by the length of its derivative."""
+    """Rows ``s + J d = 0``, or ``>= 0`` where ``sided``."""
 
-    s: np.ndarray  # (r,) in scaled units: metres times the square root of the mean mass
+    s: np.ndarray  # (r,), `Linearised.rows` divides each row by the length of its derivative
     sided: np.ndarray  # (r,) bool
     jacobian: sparse.csr_array  # (r, 6 bodies)
 
@@ -62,6 +62,15 @@ class Linearised:
 
     def rows(self, poses: Poses) -> RowSet:
         """All rows at ``poses``; limits that are not reached are left out."""
+        raw = self.plain_rows(poses)
+        length = np.sqrt(raw.jacobian.multiply(raw.jacobian).sum(axis=1)) if len(raw.s) else np.zeros(0)
+        keep = np.flatnonzero(length > STILL * length.max(initial=0.0))
+        scale = 1.0 / length[keep]
+        jacobian = sparse.diags_array(scale) @ raw.jacobian[keep]
+        return RowSet(raw.s[keep] * scale, raw.sided[keep], jacobian.tocsr())
+
+    def plain_rows(self, poses: Poses) -> RowSet:
+        """The same in metres and radians, rows that move nothing included."""
         chunks = [chunk for chunk in (*self._places(poses), *self._turns(poses)) if len(chunk.s)]
         s = [chunk.s for chunk in chunks]
         sided = [chunk.sided for chunk in chunks]
@@ -77,13 +86,10 @@ class Linearised:
             sided.append(np.zeros(len(tie_s), bool))
             entries += tie_entries
             first += len(tie_s)
-        jacobian = self._matrix(entries, first, poses)
-        length = np.sqrt(jacobian.multiply(jacobian).sum(axis=1)) if first else np.zeros(0)
-        keep = np.flatnonzero(length > STILL * length.max(initial=0.0))
-        scale = 1.0 / length[keep]
-        jacobian = sparse.diags_array(scale) @ jacobian[keep]
-        values = np.concatenate(s)[keep] if first else np.zeros(0)
-        return RowSet(values * scale, np.concatenate(sided)[keep] if first else np.zeros(0, bool), jacobian.tocsr())
+        values = np.concatenate(s) if first else np.zeros(0)
+        return RowSet(
+            values, np.concatenate(sided) if first else np.zeros(0, bool), self._matrix(entries, first, poses)
+        )
 
     def moved(self, poses: Poses, step: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Translations and rotation vectors (bodies, 3) in the world of a step (6 bodies,) in scaled units."""

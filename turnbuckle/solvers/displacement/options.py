@@ -5,6 +5,8 @@ from typing import Literal
 
 import numpy as np
 
+from turnbuckle.solvers.displacement.conditions import Poses
+
 WORST = 5  # joints named in a warning
 
 
@@ -36,11 +38,19 @@ class DisplacementResult:
     angle: np.ndarray  # (k,) [rad]
     history: list[float] = field(default_factory=list)  # largest gap before each iteration [m or rad]
 
+    @property
+    def poses(self) -> Poses:
+        """Where the bodies are."""
+        return Poses(self.x, self.q)
+
     def worst(self, count: int = WORST) -> list[tuple[str, float, float]]:
         """Name, gap [m] and angle [rad] of the joints that are furthest open, the worst first, none that is closed."""
         size = np.maximum(self.gap, self.angle)
-        order = np.argsort(-size, kind="stable")[:count]
-        return [(self.names[i], float(self.gap[i]), float(self.angle[i])) for i in order if size[i] > 0.0]
+        found: dict[str, tuple[str, float, float]] = {}
+        for i in np.argsort(-size, kind="stable"):
+            if size[i] > 0.0 and len(found) < count:  # a point constraint has many rows: the worst stands for it
+                found.setdefault(self.names[i], (self.names[i], float(self.gap[i]), float(self.angle[i])))
+        return list(found.values())
 
     def warning(self) -> str:
         """What to tell the user when the limit on iterations was reached, empty when all joints closed."""
