@@ -39,4 +39,5 @@ class Shape:
     skin: Skin | None = None  # drawn instead of `triangles` when there
     color: tuple[float, float, float] | None = None  # RGB in [0, 1]
     local: np.ndarray | None = None  # (end - begin, 3) of a rigid body: its points in its own frame [m]
+    still: bool = False  # never moves: the camera need not show all of it
     drawn: bool = True  # False for what a skin covers; its points are recorded all the same

@@ -33,6 +33,7 @@ def pack(shapes: list[Shape], info: Mapping[str, Any]) -> tuple[dict[str, np.nda
                 "color": None if shape.color is None else [float(c) for c in shape.color],
                 "skin": shape.skin is not None,
                 "rigid": shape.local is not None,
+                "still": shape.still,
                 "drawn": shape.drawn,
             }
         )
@@ -50,8 +51,8 @@ def unpack(arrays: Mapping[str, np.ndarray], text: str) -> tuple[list[Shape], di
         plain = {name: np.asarray(arrays[f"shape{number}_{name}"]) for name in _PLAIN}
         color = None if one["color"] is None else tuple(one["color"])
         local = np.asarray(arrays[f"shape{number}_local"]) if one.get("rigid") else None
-        more = {"skin": skin, "color": color, "local": local, "drawn": bool(one.get("drawn", True))}
-        shapes.append(Shape(one["name"], one["begin"], one["end"], **plain, **more))
+        more = {"skin": skin, "color": color, "local": local, "still": bool(one.get("still", False))}
+        shapes.append(Shape(one["name"], one["begin"], one["end"], **plain, **more, drawn=bool(one.get("drawn", True))))
     return shapes, info
 
 

@@ -255,5 +255,8 @@ def _rigid(d: RigidDef, folder: Path) -> Body:
     shape = rigid_shape(d, folder)
     origin, turn = start_pose(d)
     own = turn.apply(shape.vertices) + origin
-    drawn = Shape(d.name, 0, len(own), triangles=shape.triangles, color=_color(d), local=shape.vertices)
+    drawn = Shape(
+        d.name, 0, len(own), triangles=shape.triangles, color=_color(d), local=shape.vertices,
+        still=d.motion == "immobile",
+    )  # fmt: skip
     return Body(name=d.name, x=own, mass=np.zeros(len(own)), velocity=np.zeros(3), shape=drawn, rigid=shape)

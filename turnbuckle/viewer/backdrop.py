@@ -11,7 +11,7 @@ _SHADOW_COLOR, _SHADOW = (64, 72, 90), 0.34
 
 
 def backdrop(geometry: SceneGeometry, x: np.ndarray, camera: Camera, size: tuple[int, int]) -> Image.Image:
-    """The picture without the bodies. The ground lies at the bottom of the camera's box."""
+    """The picture without the bodies. The ground is the scene's, else the bottom of the camera's box."""
     blend = np.linspace(0, 1, size[1])[:, None, None] ** 1.5
     rows = np.repeat((1 - blend) * _FAR + blend * _NEAR, size[0], axis=1)
     image = Image.fromarray(np.round(rows).astype(np.uint8))
@@ -21,7 +21,7 @@ def backdrop(geometry: SceneGeometry, x: np.ndarray, camera: Camera, size: tuple
     pen = ImageDraw.Draw(mask)
     for kind in ("surface", "lines"):
         fallen = geometry.vertices(kind, x)
-        fallen[:, axis] = camera.low[axis]
+        fallen[:, axis] = camera.low[axis] if geometry.ground is None else geometry.ground
         pixels, depth = camera.project(fallen, small)
         sound = np.isfinite(pixels).all(axis=1) & (depth > 1e-3 * camera.diagonal)
         cells = getattr(geometry, kind).cells

@@ -28,6 +28,9 @@ def draw(geometry: SceneGeometry, x: np.ndarray, camera: Camera, backdrop: Image
         pixels, depth = camera.project(points, large)
         sound = np.isfinite(pixels).all(axis=1) & (depth > 1e-3 * camera.diagonal)
         visible.append(sound[cells].all(axis=1))
+        if cells is surface.cells:
+            # Sorted by mean depth, the backs of large triangles would show through.
+            visible[-1] &= ~(surface.closed & _away(points, cells, camera))
         far.append(np.where(np.isfinite(depth), depth, 0)[cells].mean(axis=1))
         outlines.extend([tuple(p) for p in outline] for outline in pixels[cells].tolist())
     shown, depths = np.concatenate(visible), np.concatenate(far)
@@ -51,7 +54,7 @@ def _shade(vertices: np.ndarray, cells: np.ndarray, colors: np.ndarray, camera: 
     )
     normal = at_vertex[cells].sum(axis=1)
     normal = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
-    away = np.einsum("ij,ij->i", facet, camera.eye - (a + b + c) / 3) < 0
+    away = _away(vertices, cells, camera)
     normal = np.where(away[:, None], -normal, normal)  # both sides are lit
     right, _, forward = camera.axes()
     lamp = -0.55 * right + 0.75 * camera.up - 0.6 * forward
@@ -59,3 +62,9 @@ def _shade(vertices: np.ndarray, cells: np.ndarray, colors: np.ndarray, camera: 
     sky = 0.5 + 0.5 * normal @ camera.up
     strength = 0.40 + 0.20 * sky + 0.50 * lit
     return 255 * colors * strength[:, None] + 25 * lit[:, None] ** 24
+
+
+def _away(vertices: np.ndarray, cells: np.ndarray, camera: Camera) -> np.ndarray:
+    """Which triangles show their back, (m,) bool."""
+    a, b, c = (vertices[cells[:, k]] for k in range(3))
+    return np.asarray(np.einsum("ij,ij->i", np.cross(b - a, c - a), camera.eye - (a + b + c) / 3) < 0)

@@ -22,30 +22,36 @@ PALETTE = np.array(
     ]
 )
 
+_ROOM = 0.5  # of the size of all that moves: how far around it still bodies are shown
+_FLOOR = 3.0  # of that size: still bodies larger than this, below all others, are the ground
+
 _CREASE = np.cos(np.radians(40.0))
 
 
 @dataclass(frozen=True)
 class Patch:
-    """Cells (m, 2 or 3) over their own vertices, a colour a cell (m, 3)."""
+    """Cells (m, 2 or 3) over their own vertices, a colour a cell (m, 3), whether its back is never seen (m,)."""
 
     cells: np.ndarray
     colors: np.ndarray
+    closed: np.ndarray
 
 
 class SceneGeometry:
     """What is drawn of the shapes: the skin, else the triangles, else the lines of each.
 
     ``x`` [m] (points, 3) is the first state: where its surfaces have a crease, vertices are doubled, so that shading
-    is smooth across a curved surface and sharp across an edge.
+    is smooth across a curved surface and sharp across an edge. A wide floor without a colour of its own is not drawn:
+    its height is `ground`, where shadows fall.
     """
 
-    def __init__(self, shapes: list[Shape], x: np.ndarray) -> None:
+    def __init__(self, shapes: list[Shape], x: np.ndarray, up_axis: str = "Z") -> None:
         self._sources: dict[str, list[tuple[Shape, np.ndarray]]] = {"surface": [], "lines": []}
-        gathered: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {"surface": [], "lines": []}
+        gathered: dict[str, list[tuple[np.ndarray, np.ndarray, np.ndarray]]] = {"surface": [], "lines": []}
         count = dict.fromkeys(self._sources, 0)
+        self.ground, floors = _ground(shapes, x, "XYZ".index(up_axis))
         for number, shape in enumerate(shapes):
-            if not shape.drawn:
+            if not shape.drawn or number in floors:
                 continue
             if shape.skin is not None or len(shape.triangles):
                 kind = "surface"
@@ -59,7 +65,8 @@ class SceneGeometry:
             else:
                 continue
             color = PALETTE[number % len(PALETTE)] if shape.color is None else np.asarray(shape.color, dtype=float)
-            gathered[kind].append((cells + count[kind], np.tile(color, (len(cells), 1))))
+            closed = np.full(len(cells), shape.local is not None and _closed(shape.triangles))
+            gathered[kind].append((cells + count[kind], np.tile(color, (len(cells), 1)), closed))
             self._sources[kind].append((shape, used))
             count[kind] += len(used)
         self.surface = _patch(gathered["surface"], 3)
@@ -70,8 +77,50 @@ class SceneGeometry:
         return np.concatenate([np.zeros((0, 3)), *(_own(shape, x)[used] for shape, used in self._sources[kind])])
 
     def everything(self, x: np.ndarray) -> np.ndarray:
-        """All vertices that are drawn [m], (n, 3)."""
-        return np.concatenate([self.vertices(kind, x) for kind in self._sources])
+        """What the camera should show [m], (n, 3): all vertices of what moves, and of still bodies what is near it."""
+        sources = [source for kind in self._sources.values() for source in kind]
+        moving = [_own(shape, x)[used] for shape, used in sources if not shape.still]
+        still = [_own(shape, x)[used] for shape, used in sources if shape.still]
+        if not moving or not still:
+            return np.concatenate([np.zeros((0, 3)), *moving, *still])
+        around = np.concatenate(moving)
+        seen = around[np.isfinite(around).all(axis=1)]
+        if not len(seen):
+            return around
+        low, high = seen.min(axis=0), seen.max(axis=0)
+        room = _ROOM * np.linalg.norm(high - low)
+        return np.concatenate(
+            [around, *(np.clip(v, low - room, high + room) for v in still if _near(v, low, high, room))]
+        )
+
+
+def _near(vertices: np.ndarray, low: np.ndarray, high: np.ndarray, room: float) -> bool:
+    """Whether the box around the vertices comes within ``room`` [m] of the box from ``low`` to ``high``."""
+    return bool((vertices.min(axis=0) <= high + room).all() and (vertices.max(axis=0) >= low - room).all())
+
+
+def _ground(shapes: list[Shape], x: np.ndarray, up: int) -> tuple[float | None, set[int]]:
+    """Height of the floor [m], None where there is none, and which shapes are floors."""
+    moving = [_own(s, x) for s in shapes if s.drawn and not s.still and (s.skin is not None or s.end > s.begin)]
+    if not moving:
+        return None, set()
+    around = np.concatenate(moving)
+    around = around[np.isfinite(around).all(axis=1)]
+    if not len(around):
+        return None, set()
+    size = float(np.linalg.norm(np.ptp(around, axis=0)))
+    across = [k for k in range(3) if k != up]
+    heights, floors = [], set()
+    for number, shape in enumerate(shapes):
+        if shape.still and shape.drawn and shape.color is None and len(shape.triangles):
+            own = _own(shape, x)
+            if (
+                np.ptp(own, axis=0)[across].min() > _FLOOR * size
+                and own[:, up].max() < around[:, up].min() + 0.05 * size
+            ):
+                heights.append(float(own[:, up].max()))
+                floors.add(number)
+    return (max(heights) if heights else None), floors
 
 
 def _own(shape: Shape, x: np.ndarray) -> np.ndarray:
@@ -104,6 +153,14 @@ def split_creases(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarr
     return cells.reshape(-1, 3), triangles.ravel()[first]
 
 
-def _patch(parts: list[tuple[np.ndarray, np.ndarray]], corners: int) -> Patch:
-    cells = np.concatenate([np.zeros((0, corners), np.int64), *(cells for cells, _ in parts)])
-    return Patch(cells, np.concatenate([np.zeros((0, 3)), *(colors for _, colors in parts)]))
+def _closed(triangles: np.ndarray) -> bool:
+    """Whether every edge is passed as often one way as the other."""
+    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    back = edges[:, ::-1]
+    return bool((edges[np.lexsort(edges.T)] == back[np.lexsort(back.T)]).all())
+
+
+def _patch(parts: list[tuple[np.ndarray, np.ndarray, np.ndarray]], corners: int) -> Patch:
+    cells = np.concatenate([np.zeros((0, corners), np.int64), *(cells for cells, _, _ in parts)])
+    colors = np.concatenate([np.zeros((0, 3)), *(colors for _, colors, _ in parts)])
+    return Patch(cells, colors, np.concatenate([np.zeros(0, dtype=bool), *(closed for _, _, closed in parts)]))

@@ -65,7 +65,7 @@ class Renderer:
         """The picture (height, width, 3) uint8 of the positions ``x`` [m] of all points of the state, (points, 3)."""
         x = np.asarray(x, dtype=np.float64)
         if self._geometry is None:
-            self._geometry = SceneGeometry(self._shapes, x)
+            self._geometry = SceneGeometry(self._shapes, x, self._up_axis)
             if self._polyscope is not None:
                 self._view = headless.HeadlessView(self._polyscope, self._geometry, self._up_axis)
         camera = self._framing.follow(self._geometry.everything(x))

@@ -11,6 +11,9 @@ from turnbuckle.geometry.fit import fit_pose
 from turnbuckle.io import open_recorder, read_recording
 from turnbuckle.scene.build_rigid import rigid_shape
 from turnbuckle.scene.definitions import RigidDef
+from turnbuckle.viewer.camera import Framing
+from turnbuckle.viewer.geometry import SceneGeometry
+from turnbuckle.viewer.render import Renderer
 
 BODY = rigid_shape(RigidDef(name="wheel", cylinder={"radius": 0.4, "length": 0.1}, markers=[[0, 0, 2.0]]), Path())
 SHAPE = Shape("wheel", 1, 1 + len(BODY.vertices), triangles=BODY.triangles, local=BODY.vertices, color=(0.1, 0.2, 0.3))
@@ -71,3 +74,50 @@ def test_own_frames_survive(tmp_path: Path, name: str) -> None:
     (back,) = read_recording(tmp_path / name).shapes
     np.testing.assert_array_equal(back.local, SHAPE.local)
     assert back.drawn and back.color == SHAPE.color
+
+
+def with_floor(size: float, color: tuple[float, float, float] | None = None) -> tuple[list[Shape], np.ndarray]:
+    """A wheel above a still, square plate of this size."""
+    plate = rigid_shape(RigidDef(name="floor", box=[size, size, 0.2]), Path())
+    wheel = BODY.vertices[1:] + (0.0, 0.0, 0.05)
+    shapes = [
+        Shape("wheel", 0, len(wheel), triangles=BODY.triangles - 1, local=BODY.vertices[1:]),
+        Shape(
+            "floor",
+            len(wheel),
+            len(wheel) + 8,
+            triangles=plate.triangles,
+            local=plate.vertices,
+            still=True,
+            color=color,
+        ),
+    ]
+    return shapes, np.r_[wheel, plate.vertices - (0.0, 0.0, 0.1)]
+
+
+def test_a_wide_floor_is_the_ground_and_does_not_move_the_camera_away() -> None:
+    wide = SceneGeometry(*with_floor(50.0))
+    assert wide.ground == pytest.approx(0.0, abs=1e-15) and len(wide.surface.cells) == len(BODY.triangles)
+    shapes, x = with_floor(50.0, (0.5, 0.5, 0.5))  # painted: it is drawn, and cut by the picture's edge
+    painted = SceneGeometry(shapes, x)
+    assert painted.ground is None and len(painted.surface.cells) == len(BODY.triangles) + 12
+    assert np.abs(painted.everything(x)).max() < 1.2
+    table, y = with_floor(1.5)
+    assert np.ptp(SceneGeometry(table, y).everything(y)[:, 0]) == pytest.approx(1.5)  # a table is shown whole
+    assert np.ptp(SceneGeometry(shapes[1:], x).everything(x)[:, 0]) == pytest.approx(50.0)  # nothing else to look at
+
+
+def test_the_simple_pictures_hide_the_backs_of_closed_bodies() -> None:
+    """Each face that is seen fills its outline; by mean depth alone, backs of large triangles would cover fronts."""
+    box = rigid_shape(RigidDef(name="box", box=[0.4, 0.6, 0.8]), Path())
+    shapes = [Shape("box", 0, 8, triangles=box.triangles, local=box.vertices, color=(1.0, 0.0, 0.0))]
+    size = (640, 400)
+    picture = Renderer(shapes, "Z", size, engine="pillow").frame(box.vertices).astype(int)
+    camera = Framing("Z", size, None).follow(box.vertices)
+    wanted = []
+    for face in ((4, 5, 7, 6), (0, 1, 5, 4), (1, 3, 7, 5)):  # above, in front, to the right
+        x, y = camera.project(box.vertices[list(face)], size)[0].T
+        wanted.append(0.5 * abs(x @ np.roll(y, 1) - y @ np.roll(x, 1)))
+    red = picture[picture[..., 0] > picture[..., 2] + 60]
+    shades = np.unique(red, axis=0, return_counts=True)[1]
+    np.testing.assert_allclose(np.sort(shades)[-3:], np.sort(wanted), rtol=0.1)
