@@ -19,6 +19,7 @@ wp.set_module_options({"enable_backward": False})
 
 ORDER = 14
 ANGLE = 0.5  # [rad], of a substep at most
+MOST = 64  # substeps
 _Vectors = wp.types.matrix(shape=(ORDER + 1, 3), dtype=wp.float64)
 _Quaternions = wp.types.matrix(shape=(ORDER + 1, 4), dtype=wp.float64)
 
@@ -31,7 +32,7 @@ def free_rotation(q0: quat, momentum: vec3, principal: vec3, h: real) -> quat:
     angle = size * wp.max(inverse[0], wp.max(inverse[1], inverse[2])) * h
     if angle < real(1e-16):
         return q0
-    steps = int(angle / real(ANGLE)) + 1
+    steps = int(wp.min(angle / real(ANGLE), real(MOST))) + 1  # more is no motion, but a solver gone astray
     dt = h / real(steps)
     q = q0
     for _step in range(steps):

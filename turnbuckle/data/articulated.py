@@ -107,10 +107,14 @@ class RowTable:
     line: wp.array(dtype=wp.vec3d)  # direction of the force
     t_a: wp.array(dtype=wp.vec3d)  # torque of a unit force about the centre of a
     t_b: wp.array(dtype=wp.vec3d)
-    impulse: wp.array(dtype=wp.float64)  # of the position stage [N s or N m s]
-    impulse1: wp.array(dtype=wp.float64)  # of the velocity stage
-    line_start: wp.array(dtype=wp.vec3d)  # directions of the position stage, for reactions
-    t_start: wp.array(dtype=wp.vec3d)
+    impulse: wp.array(dtype=wp.float64)  # of each half of the step, in the directions of its middle [N s or N m s]
+    impulse1: wp.array(dtype=wp.float64)  # of the projection of velocities, in the directions at its end
+    at: wp.array(dtype=wp.vec3d)  # the common point
+    line0: wp.array(dtype=wp.vec3d)  # at the start of the step
+    at0: wp.array(dtype=wp.vec3d)
+    t0: wp.array(dtype=wp.vec3d)  # of torque rows
+    line_mid: wp.array(dtype=wp.vec3d)  # in its middle: where the impulses of the position stage act
+    t_mid: wp.array(dtype=wp.vec3d)  # their torque on a
     dropped: wp.array(dtype=wp.int32)  # 1: repeats other rows
 
 
@@ -122,6 +126,7 @@ class Islands:
     body_start: wp.array(dtype=wp.int32)
     body: wp.array(dtype=wp.int32)
     body_node: wp.array(dtype=wp.int32)  # by position in `body`
+    node_of: wp.array(dtype=wp.int32)  # by body
     point_start: wp.array(dtype=wp.int32)
     point: wp.array(dtype=wp.int32)  # numbers in TiedPoints
     point_node: wp.array(dtype=wp.int32)

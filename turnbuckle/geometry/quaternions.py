@@ -7,7 +7,7 @@ SMALL = 1e-6  # [rad], below, series take the place of sin(a) / a
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Cross products of rows (n, 3); several times faster than `numpy.cross` on short arrays."""
-    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    out = np.empty(a.shape if a.shape == b.shape else np.broadcast_shapes(a.shape, b.shape))
     a0, a1, a2 = a[..., 0], a[..., 1], a[..., 2]
     b0, b1, b2 = b[..., 0], b[..., 1], b[..., 2]
     out[..., 0] = a1 * b2 - a2 * b1
@@ -48,7 +48,7 @@ def logarithm(q: np.ndarray) -> np.ndarray:
 
 def multiply(p: np.ndarray, q: np.ndarray) -> np.ndarray:
     """Rotations ``q`` first, then ``p``."""
-    out = np.empty(np.broadcast_shapes(p.shape, q.shape))
+    out = np.empty(p.shape if p.shape == q.shape else np.broadcast_shapes(p.shape, q.shape))
     out[:, :3] = p[:, 3:] * q[:, :3] + q[:, 3:] * p[:, :3] + cross(p[:, :3], q[:, :3])
     out[:, 3] = p[:, 3] * q[:, 3] - dot(p[:, :3], q[:, :3])
     return out

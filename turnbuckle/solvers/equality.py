@@ -57,8 +57,69 @@ def mobility(bodies: Bodies, q: wp.quatd, b: int, linear: vec3, angular: vec3):
 
 
 @wp.func
+def tie_arm(parts: Parts, bodies: Bodies, e: int, b: int, ahead: int):
+    """From the centre of body ``b`` to its point of the tie, at the start (0), the end (1) or in the middle (2) of the step."""
+    if ahead == 0:
+        return wp.quat_rotate(bodies.q0[b], parts.tie_local[e])
+    if ahead == 1:
+        return wp.quat_rotate(bodies.q1[b], parts.tie_local[e])
+    there = wp.quat_rotate(bodies.q0[b], parts.tie_local[e])
+    return (there + wp.quat_rotate(bodies.q1[b], parts.tie_local[e])) * real(0.5)
+
+
+@wp.func
+def stiffen(m: BlockMatrix, place: int, arm: vec3, pull: vec3):
+    """Add the stiffness that a pull gives to the rotation of a body about its centre (geometric stiffness).
+
+    The torque ``arm x pull`` of a force that keeps its direction changes by ``-K dtheta`` when the arm turns. K is symmetrised
+    and freed of its negative part: with the angle phi between both and b halfway between them,
+    ``K = |arm| |pull| (1 + cos phi) / 2 (I - b b^T)``. It steers Newton's method and is in no equation of motion.
+    """
+    a = wp.length(arm)
+    f = wp.length(pull)
+    if a * f > real(0.0):
+        b = arm / a + pull / f
+        n = wp.length_sq(b)  # 2 + 2 cos phi
+        if n > real(1e-6):
+            k = a * f * n * real(0.25)
+            for r in range(3):
+                for c in range(3):
+                    value = -k * b[r] * b[c] / n
+                    if r == c:
+                        value += k
+                    m.value[known(place + 21 + 6 * r + c)] += value
+
+
+@wp.func
+def stiffen_part(
+    parts: Parts, rows: RowTable, bodies: Bodies, m: BlockMatrix, node_of: wp.array(dtype=wp.int32), p: int, h: real
+):
+    """Geometric stiffness of part ``p``, of a flight whose impulses act with the arms of its middle: ``h/2 K``."""
+    pull = vec3()
+    at = vec3()
+    for r in range(parts.rows[p]):
+        i = known(EACH * p + r)
+        pull += rows.line[i] * (rows.impulse[i] * real(0.5) * h)
+        if wp.length_sq(rows.line[i]) > real(0.0):
+            at = rows.at[i]
+    if parts.tie[p + 1] > parts.tie[p]:
+        for e in range(parts.tie[p], parts.tie[p + 1]):
+            if parts.tie_body[e] >= 0 and parts.tie_place[e] >= 0:
+                b = parts.tie_body[e]
+                place = m.diagonal[known(node_of[b])]
+                stiffen(m, place, tie_arm(parts, bodies, e, b, 2), pull * parts.tie_weight[e])
+        return
+    a = known(parts.a[p])
+    b = known(parts.b[p])
+    if parts.place_a[p] >= 0:
+        stiffen(m, m.diagonal[known(node_of[a])], at - (bodies.x0[a] + bodies.x1[a]) * real(0.5), pull)
+    if parts.place_b[p] >= 0:
+        stiffen(m, m.diagonal[known(node_of[b])], at - (bodies.x0[b] + bodies.x1[b]) * real(0.5), -pull)
+
+
+@wp.func
 def assemble_masses(islands: Islands, bodies: Bodies, points: TiedPoints, m: BlockMatrix, island: int, ahead: int):
-    """Diagonal blocks of bodies at the start (``ahead`` 0) or the end of the step, and of mass points; zeros elsewhere."""
+    """Diagonal blocks of bodies at the end (``ahead`` 1) or the start of the step, and of mass points; zeros elsewhere."""
     first = islands.node[island]
     last = islands.node[island + 1]
     if last == first:
@@ -126,7 +187,7 @@ def assemble_part(
                     q = bodies.q0[body]
                     if ahead == 1:
                         q = bodies.q1[body]
-                    t = wp.cross(wp.quat_rotate(q, parts.tie_local[e]), line)
+                    t = wp.cross(tie_arm(parts, bodies, e, body, ahead), line)
                     scale += w * w * mobility(bodies, q, body, line, t)
                     put_row(m, parts.tie_place[e], parts.tie_above[e], r, count, 6, line, t, w)
         else:
@@ -150,7 +211,7 @@ def factor_island(
     islands: Islands, parts: Parts, rows: RowTable, bodies: Bodies, points: TiedPoints, m: BlockMatrix, island: int,
     ahead: int, h: real,
 ):  # fmt: skip
-    """Assemble and factor the system of an island."""
+    """Assemble and factor the system of an island, at the end of the step (``ahead`` 1) or for its flight (2)."""
     assemble_masses(islands, bodies, points, m, island, ahead)
     for i in range(islands.part_start[island], islands.part_start[island + 1]):
         p = known(islands.part[known(i)])
@@ -158,6 +219,8 @@ def factor_island(
         if parts.stiffness[p] > real(0.0) or parts.damping[p] > real(0.0):
             soft = real(2.0) / (h * h * (real(0.5) * parts.stiffness[p] + parts.damping[p] / h))
         assemble_part(parts, rows, bodies, points, m, p, ahead, soft)
+        if ahead == 2:
+            stiffen_part(parts, rows, bodies, m, islands.node_of, p, h)
     for k in range(islands.node[island], islands.node[island + 1]):
         factor_node(m, k)
     for i in range(islands.part_start[island], islands.part_start[island + 1]):
@@ -204,11 +267,9 @@ def scatter_part(
             if body < 0:
                 points.push[parts.tie_point[e]] = points.push[parts.tie_point[e]] + line * w
             elif parts.tie_place[e] >= 0:
-                q = bodies.q0[body]
-                if ahead == 1:
-                    q = bodies.q1[body]
+                arm = tie_arm(parts, bodies, e, body, ahead)
                 bodies.push[body] = bodies.push[body] + line * w
-                bodies.turn[body] = bodies.turn[body] + wp.cross(wp.quat_rotate(q, parts.tie_local[e]), line) * w
+                bodies.turn[body] = bodies.turn[body] + wp.cross(arm, line) * w
     else:
         a = known(parts.a[p])
         b = known(parts.b[p])
@@ -244,5 +305,7 @@ def rate_of(parts: Parts, rows: RowTable, bodies: Bodies, points: TiedPoints, p:
             - wp.dot(rows.t_b[i], bodies.w1[b])
         )
     return (
-        wp.dot(line, bodies.v0[a] - bodies.v0[b]) + wp.dot(rows.t_a[i], bodies.w0[a]) - wp.dot(rows.t_b[i], bodies.w0[b])
+        wp.dot(line, bodies.v0[a] - bodies.v0[b])
+        + wp.dot(rows.t_a[i], bodies.w0[a])
+        - wp.dot(rows.t_b[i], bodies.w0[b])
     )

@@ -11,7 +11,9 @@ from turnbuckle.data.rigid import ROWS, RigidState
 from turnbuckle.data.state import State
 from turnbuckle.data.tables import TIED
 from turnbuckle.geometry.quaternions import rotate
-from turnbuckle.integrators.rattle import close_positions, place_points, project_velocities, remember_points
+from turnbuckle.integrators.rigid_flight import close_positions
+from turnbuckle.integrators.rigid_points import place_points, remember_points
+from turnbuckle.integrators.rigid_projection import project_velocities
 from turnbuckle.step.articulated_system import System
 from turnbuckle.step.domain_search import DomainSearch
 from turnbuckle.step.joint_certificate import JointCertificate
@@ -31,6 +33,7 @@ class Articulated:
         for name in ("x", "q"):
             getattr(self.ahead, name).assign(getattr(state.rigid, name))
         self.exists = model.rigid.count > 1
+        self._halves = 1.0 if model.rigid_motion == "paper" else 2.0  # of a step in which the position impulses act
 
     def follow(self) -> None:
         """Catch up with joints or ties that were added, removed or switched."""
@@ -46,7 +49,8 @@ class Articulated:
     def prepare(self, dt: float) -> None:
         """Scripted poses at the end of the step, goals of ties, where Newton's method starts."""
         state, system = self.state, self.system
-        self._before = host(system.row_table.impulse1).copy(), host(system.row_table.active).copy()
+        table = system.row_table
+        self._before = [(a, host(a).copy()) for a in (table.impulse, table.impulse1, table.active)]
         warm = dt / state.dt if state.dt > 0.0 else 0.0
         system.islands.warm.fill_(warm)
         trajectories = self.model.rigid.trajectories
@@ -99,21 +103,22 @@ class Articulated:
 
     def restore(self) -> None:
         """Take back what a failed step has changed."""
-        self.system.row_table.impulse1.assign(self._before[0])
-        self.system.row_table.active.assign(self._before[1])
+        for array, values in self._before:
+            array.assign(values)
 
     def commit(self, dt: float) -> None:
         """The end of the step becomes the state."""
         state, system = self.state, self.system
         state.rigid, self.ahead = self.ahead, state.rigid
-        state.impulse, state.active = host(system.row_table.impulse1), host(system.row_table.active)
+        table = system.row_table
+        state.impulse, state.active = np.stack([host(table.impulse), host(table.impulse1)]), host(table.active)
         if len(system.ties.target):
             write_row_forces(state, system.ties, self.tie_forces(dt), add=False)
 
     def tie_forces(self, dt: float) -> np.ndarray:
         """Mean forces of ties in the last step (ties, 3) [N]."""
         table, n = self.system.row_table, ROWS * self.system.joint_parts
-        total = host(table.impulse)[n:] + host(table.impulse1)[n:]
+        total = self._halves * host(table.impulse)[n:] + host(table.impulse1)[n:]
         return total[: 3 * len(self.system.ties.target)].reshape(-1, 3) / dt
 
     def rotation(self) -> float:
@@ -256,7 +261,8 @@ class Articulated:
         """Mean force on body1 [N], and torque about the joint's place [N m], of each part in the last step (parts, 3)."""
         table, n = self.system.row_table, self.state.parts.count
         impulse, impulse1 = (host(a)[: ROWS * n] / dt for a in (table.impulse, table.impulse1))
-        l0, l1, t0, t1 = (host(a)[: ROWS * n] for a in (table.line_start, table.line, table.t_start, table.t_a))
+        impulse = self._halves * impulse
+        l0, l1, t0, t1 = (host(a)[: ROWS * n] for a in (table.line_mid, table.line, table.t_mid, table.t_a))
         force = (impulse[:, None] * l0 + impulse1[:, None] * l1).reshape(n, ROWS, 3).sum(axis=1)
         turn = (impulse[:, None] * t0 + impulse1[:, None] * t1).reshape(n, ROWS, 3).sum(axis=1)
         arm = rotate(self.state.rigid.q.numpy()[self.state.parts.a], self.state.parts.p_a)

@@ -96,6 +96,9 @@ class System:
             setattr(islands, name, self._put(shown[by], wp.int32))
             if name != "part":
                 setattr(islands, f"{name}_node", self._put(number[nodes[by]], wp.int32))
+        nodes = np.zeros(model.rigid.count, dtype=np.int64)
+        nodes[self.dynamic] = number[:nd]
+        islands.node_of = self._put(nodes, wp.int32)
         islands.iterations = wp.zeros(max(count, 1), dtype=wp.int32, device=self.device)
         islands.worst = wp.zeros(max(count, 1), dtype=wp.float64, device=self.device)
         islands.angle = wp.zeros(max(count, 1), dtype=wp.float64, device=self.device)
@@ -179,12 +182,14 @@ class System:
         table.mode = self._put(whole.ravel() if n > 1 else np.full(1, int(NONE)), wp.int32)
         for name in ("changes", "dropped"):
             setattr(table, name, wp.zeros(n, dtype=wp.int32, device=self.device))
-        for name in ("s", "s0", "rate0", "impulse"):
+        for name in ("s", "s0", "rate0"):
             setattr(table, name, wp.zeros(n, dtype=wp.float64, device=self.device))
-        for name in ("line", "t_a", "t_b", "line_start", "t_start"):
+        for name in ("line", "at", "t_a", "t_b", "line0", "at0", "t0", "line_mid", "t_mid"):
             setattr(table, name, wp.zeros(n, dtype=wp.vec3d, device=self.device))
-        keep = len(state.impulse) == n
-        table.impulse1 = self._put(state.impulse if keep else np.zeros(n), wp.float64)
+        keep = state.impulse.shape == (2, n)
+        table.impulse, table.impulse1 = (
+            self._put(state.impulse[k] if keep else np.zeros(n), wp.float64) for k in range(2)
+        )
         table.active = self._put(state.active if keep else np.zeros(n), wp.int32)
         return table
 

@@ -1,7 +1,7 @@
 """Looking up curves, surfaces and user domains: where the nearest permissible point is, and what is held there (4.1.3).
 
 The solver closes ``n.(P - P') = 0`` for given P' and n; looking again from where it has put P, and closing again, converges
-like Newton's method. Forces keep pointing where they did at the start of the step, as everywhere in `integrators/rattle.py`.
+like Newton's method. Forces keep pointing where they did at the start of the step, as everywhere in `integrators/rigid_flight.py`.
 """
 
 import numpy as np
@@ -13,7 +13,7 @@ from turnbuckle.data.rigid import ROWS, RigidState
 from turnbuckle.data.state import State
 from turnbuckle.geometry.domains import Held
 from turnbuckle.geometry.quaternions import conjugate, multiply, rotate
-from turnbuckle.integrators.rattle import close_positions
+from turnbuckle.integrators.rigid_flight import close_positions
 from turnbuckle.step.articulated_system import System
 
 LOOKS = 40  # in a step at most

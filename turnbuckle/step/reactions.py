@@ -17,7 +17,7 @@ from turnbuckle.data.model import Model
 from turnbuckle.data.rigid import ROWS, RigidState
 from turnbuckle.data.state import State
 from turnbuckle.geometry.quaternions import conjugate, exponential, multiply, rotate
-from turnbuckle.integrators.rattle import row_directions
+from turnbuckle.integrators.rigid_points import row_directions
 from turnbuckle.step.coordinates import coordinates
 
 DIFFERENCE = 1e-4  # [rad or relative] along the motion

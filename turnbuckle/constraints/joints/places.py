@@ -40,6 +40,7 @@ def axis(frame: wp.quatd, k: int):
 def force_row(rows: RowTable, i: int, sides: Sides, at: vec3, direction: vec3):
     """Row ``i`` is a force along ``direction`` at the point ``at``."""
     rows.line[i] = direction
+    rows.at[i] = at
     rows.t_a[i] = wp.cross(at - sides.x_a, direction)
     rows.t_b[i] = wp.cross(at - sides.x_b, direction)
 
