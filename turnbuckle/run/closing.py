@@ -15,7 +15,7 @@ from turnbuckle.solvers.displacement.mobility import Mobility
 from turnbuckle.solvers.displacement.options import DisplacementOptions, DisplacementResult
 
 NEAR = 0.02  # of the size of the bodies: gaps of less are left to Newton
-COARSE = 30  # iterations in displacements at first
+COARSE = 12  # iterations in displacements at first
 FINE = 400  # and when that did not do
 ATTEMPTS = 4  # the later ones begin from poses that are turned a little
 SHAKEN = 0.3  # [rad]
@@ -88,7 +88,7 @@ class Closer:
         if worst(first) <= tolerance:
             return done
         random = np.random.default_rng(0)
-        before = np.inf
+        before: float | None = None
         for attempt in range(ATTEMPTS):
             limit = COARSE if attempt == 0 else FINE
             limit = limit if max_iterations is None else min(limit, max_iterations - done.iterations)
@@ -105,7 +105,7 @@ class Closer:
             done.attempts += 1
             if worst(found) < worst(best):
                 best = found
-            if worst(best) <= tolerance or abs(worst(found) - before) <= SAME * before:
+            if worst(best) <= tolerance or (before is not None and abs(worst(found) - before) <= SAME * before):
                 break
             if max_iterations is not None and done.iterations >= max_iterations:
                 break
