@@ -34,6 +34,7 @@ from turnbuckle.solvers.equality import acts, clear_right_side, factor_island, r
 wp.set_module_options({"enable_backward": False})
 
 ITERATIONS = wp.constant(60)  # of Newton's method at most
+BALANCED = wp.constant(wp.float64(1e-11))  # [m or rad] that the equations of motion may be left with before the last flight
 ROUND = wp.constant(wp.float64(1e-15))  # of the largest coordinate
 PASSES = wp.constant(30)  # over the active set at most
 
@@ -230,12 +231,15 @@ def close_positions(
             stale = 1
             before = real(1e300)
             continue
-        worst = wp.max(worst, balance(islands, bodies, m, island, h))
-        if worst <= CLOSED + ROUND * size or first == last or count >= ITERATIONS or not (worst < real(1e100)):
+        left = balance(islands, bodies, m, island, h)
+        if worst <= CLOSED + ROUND * size and left <= BALANCED + ROUND * size:
+            going = 0
+        worst = wp.max(worst, left)
+        if first == last or count >= ITERATIONS or not (worst < real(1e100)):
             going = 0
         elif worst < real(1e-11) + ROUND * size * real(16.0) and worst > real(0.5) * before:
             going = 0  # round-off
-        else:
+        if going == 1:
             if worst > real(0.1) * before or (warm == real(0.0) and count == 1):
                 stale = 1
             before = worst
@@ -248,6 +252,7 @@ def close_positions(
             if last > first and islands.point_start[island + 1] > islands.point_start[island]:
                 gather_impulses(islands, parts, rows, bodies, points, island, middle)
     take_impulses(islands, bodies, island)  # what is left of the imbalance goes: momenta are kept to round-off
+    fly_island(islands, bodies, points, island, h)
     for i in range(first, last):
         p = known(islands.part[known(i)])
         for r in range(parts.rows[p]):

@@ -25,6 +25,7 @@ class BlockMatrix:
 
     size: wp.array(dtype=wp.int32)  # (n,) rows of each node
     scalar: wp.array(dtype=wp.int32)  # (n,) first row in vectors
+    fresh: wp.array(dtype=wp.int32)  # (n,) 1: a body that no earlier node updates
     diagonal: wp.array(dtype=wp.int32)  # (n,) where its diagonal block starts
     column: wp.array(dtype=wp.int32)  # (n + 1,) into `row` and `block`
     row: wp.array(dtype=wp.int32)  # later node of each block below the diagonal
@@ -38,6 +39,14 @@ class BlockMatrix:
 
 
 @wp.func
+def apart(m: BlockMatrix, k: int, r: int):
+    """The first row of node ``k`` that is coupled with its row ``r``: a body's mass and inertia are apart until others reach it."""
+    if m.fresh[known(k)] == 1 and r > 2:
+        return 3
+    return 0
+
+
+@wp.func
 def factor_node(m: BlockMatrix, k: int):
     """Eliminate node ``k``; returns the number of its rows dropped."""
     n = known(m.size[k])
@@ -45,8 +54,9 @@ def factor_node(m: BlockMatrix, k: int):
     s = known(m.scalar[k])
     dropped = int(0)
     for r in range(n):
+        begin = apart(m, k, r)
         pivot = m.value[known(d + r * n + r)]
-        for c in range(r):
+        for c in range(begin, r):
             y = m.value[known(d + r * n + c)]
             pivot -= y * y * m.inverse[known(s + c)]
         scale = m.scale[known(s + r)]
@@ -57,7 +67,7 @@ def factor_node(m: BlockMatrix, k: int):
             m.inverse[known(s + r)] = real(1.0) / pivot
         for i in range(r + 1, n):  # row i of the unscaled factor: y_ir = L_ir D_r
             y = m.value[known(d + i * n + r)]
-            for c in range(r):
+            for c in range(begin, r):
                 y -= m.value[known(d + i * n + c)] * m.value[known(d + r * n + c)] * m.inverse[known(s + c)]
             m.value[known(d + i * n + r)] = y
     first = known(m.column[k])
@@ -68,7 +78,7 @@ def factor_node(m: BlockMatrix, k: int):
         for i in range(rows):
             for r in range(n):
                 y = m.value[known(b + i * n + r)]
-                for c in range(r):
+                for c in range(apart(m, k, r), r):
                     y -= m.value[known(b + i * n + c)] * m.value[known(d + r * n + c)] * m.inverse[known(s + c)]
                 m.value[known(b + i * n + r)] = y
     u = int(m.update[k])
@@ -201,6 +211,9 @@ def upload(plan: Plan, device: str) -> BlockMatrix:
     for name in ("size", "diagonal", "column", "row", "block", "update", "target"):
         setattr(m, name, wp.array(getattr(plan, name).astype(np.int32), dtype=wp.int32, device=device))
     m.scalar = wp.array(plan.scalar[:-1].astype(np.int32), dtype=wp.int32, device=device)
+    reached = np.zeros(len(plan.size), dtype=bool)
+    reached[plan.row] = True
+    m.fresh = wp.array(((plan.size == 6) & ~reached).astype(np.int32), dtype=wp.int32, device=device)
     m.value = wp.zeros(max(plan.values, 1), dtype=wp.float64, device=device)
     for name in ("inverse", "scale", "x"):
         setattr(m, name, wp.zeros(max(int(plan.scalar[-1]), 1), dtype=wp.float64, device=device))

@@ -11,8 +11,8 @@ orders guarantee that:
 
 * *bodies first*, then parts by least degree: the classic Schur complement. Each body makes a clique of its parts.
 * *tree*: the depth-first order of a spanning tree of the graph, leaves first; a part follows the bodies it hangs on its
-  parent, and a part that closes a loop comes just before the body where the loop's two ways meet. Bodies with many parts
-  make no clique then.
+  parent, a part of a single body follows that body, and a part that closes a loop comes just before the body where the
+  loop's two ways meet. Bodies with many parts make no clique then.
 
 Both are linear for chains and trees (Baraff 1996 for the latter); the cheaper one is taken.
 """
@@ -121,8 +121,11 @@ def _tree(body_count: int, parts: list[np.ndarray], body_parts: list[np.ndarray]
         if parent[node] >= 0:
             has_child[parent[node]] = True
     late: list[list[int]] = [[] for _ in parent]
+    after: list[list[int]] = [[] for _ in parent]  # parts of one body: without it they have no pivot yet
     for node in reached:
-        if node >= body_count and not has_child[node]:
+        if node >= body_count and len(parts[node - body_count]) == 1:
+            after[parent[node]].append(node)
+        elif node >= body_count and not has_child[node]:
             meeting = _meeting(parts[node - body_count], parent, depth)
             while meeting >= body_count:
                 meeting = int(parent[meeting])
@@ -137,6 +140,7 @@ def _tree(body_count: int, parts: list[np.ndarray], body_parts: list[np.ndarray]
             if done:
                 order.extend(late[node])
                 order.append(node)
+                order.extend(after[node])
             else:
                 stack.append((node, True))
                 stack.extend((c, False) for c in children[node])
