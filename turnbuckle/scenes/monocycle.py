@@ -23,18 +23,20 @@ SIDES = {"left": 1.0, "right": -1.0}
 
 
 def monocycle(
-    force: float = 50.0,
+    force: float = 55.0,
     radius: float = 0.8,
     crank: float = 0.5,
-    dt: float = 1.0 / 240.0,
-    duration: float = 9.0,
+    steadiness: float = 20.0,
+    dt: float = 1.0 / 480.0,
+    duration: float = 8.0,
 ) -> Scene:
     """A figure on a monocycle is pushed by a horizontal force; the wheel rolls and turns its legs (Figures 7 and 8).
 
     All constraints of the paper's Appendix A, to the letter: the wheel on the body, the feet on the pedals, thighs, legs
     and feet in loops through wheel and body, and an angle to the world that keeps the body within 0.066 rad of upright.
     In place of the paper's contact with the floor, the wheel, of `radius` [m], rolls on it without slip. `force` [N] acts
-    along z on the body's origin. `crank` [rad] is the angle of the wheel at the start.
+    along z on the body's origin. `crank` [rad] is the angle of the wheel at the start. Rolling on a point does not resist
+    steering, as the paper's soft wheel does on its floor; the turning of the body is damped by `steadiness` [1/s] instead.
     Shapes and masses are ours: a rider of 48 kg, 3.6 m tall, for Appendix A fixes its legs at 2.4 m.
     """
     if not radius > -PEDAL[2] + 0.1:
@@ -42,7 +44,8 @@ def monocycle(
     scene = Scene("monocycle", up_axis="Y", dt=dt, duration=duration)
     axle = np.array([0.0, radius, 0.0])
     seat = axle + [0.0, SEAT, 0.0]
-    scene.add_rigid("body", parts=_torso(), mass=26.0, position=seat, color=SHIRT)
+    steady = {"angular_damping": steadiness}
+    scene.add_rigid("body", parts=_torso(), mass=26.0, position=seat, color=SHIRT, **steady)
     turned = [crank, 0.0, 0.0]
     scene.add_rigid(
         "wheel",

@@ -141,7 +141,7 @@ def _add_tray(scene: Scene, radius: float, level: float) -> None:
     """The tray on the nose, kept almost horizontal."""
     top, up = np.array([0.0, 0.5 * TRAY_THICKNESS, 0.0]), [0.0, 1.0, 0.0]
     plate = {"cylinder": {"radius": radius, "length": TRAY_THICKNESS}, "rotation": [0.5 * math.pi, 0.0, 0.0]}
-    tip = NOSE + [0.06, PARTS["head"][1] + 0.03, 0.0]
+    tip = NOSE + [0.03, 0.065, 0.0]
     scene.add_rigid("tray", parts=[plate], mass=0.8, position=tip + top, color=[0.78, 0.62, 0.25])
     scene.add_joint("ball", "nose", body0="head", body1="tray", anchor=tip)
     scene.add_joint("joint", "tray_level", body1="tray", angle={"axis0": up, "axis1": up, "max": level})
