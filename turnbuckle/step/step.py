@@ -32,6 +32,7 @@ from turnbuckle.step.certificate import Certificate
 from turnbuckle.step.goals import aim_again, move_goals
 from turnbuckle.step.recording import Scratch, StepRecorder
 
+TIED = 1e-12  # [m] what points held together with joints, in one system, may miss by on top
 TOLERANCE = 1e-12  # of the scene's size: what a constraint may miss by in a step that is "ok"
 NEWTON_LEFT = 1e-9  # of the scene's size: what the last Newton iteration may move a point by in a step that is "ok"
 HALVINGS = 12  # of a step that turns a body too far, at most
@@ -251,7 +252,7 @@ class Stepper:
                 report.active[group.kind] = report.active.get(group.kind, 0) + int((~group.broken).sum())
         report.ramping = int(sum((t.phase.numpy() > 0).sum() for t in ramped))
         settling = scheme.lands_later and (state.activated or report.ramping < self._ramping)
-        allowed = TOLERANCE * self.model.size + ROUND_OFF * farthest
+        allowed = TOLERANCE * self.model.size + ROUND_OFF * farthest + TIED * float(self.articulated.exists)
         allowed_rate = TOLERANCE * max(self.model.size, fastest) + ROUND_OFF * (
             farthest / dt if scheme.lands_later else 0.0
         )
