@@ -8,13 +8,14 @@ from turnbuckle.constraints import rows as constraint_rows
 from turnbuckle.data.model import Model
 from turnbuckle.data.report import StepReport
 from turnbuckle.data.rigid import ROWS, RigidState
-from turnbuckle.data.state import State
+from turnbuckle.data.state import H, State
 from turnbuckle.data.tables import TIED
 from turnbuckle.geometry.quaternions import rotate
 from turnbuckle.integrators.rigid_flight import close_positions
 from turnbuckle.integrators.rigid_points import place_points, remember_points
 from turnbuckle.integrators.rigid_projection import project_velocities
 from turnbuckle.step.articulated_system import System
+from turnbuckle.step.displacement_stage import DisplacementStage
 from turnbuckle.step.domain_search import DomainSearch
 from turnbuckle.step.joint_certificate import JointCertificate
 from turnbuckle.step.rigid_measures import rigid_energies, rigid_momentum
@@ -40,9 +41,17 @@ class Articulated:
         self.system = System(self.model, self.state)
         self.certificate = JointCertificate(self.state, self.model.device)
         self.search = DomainSearch(self.state, self.system)
+        self.displacement = None
+        if self.model.solver == "displacement":
+            self.displacement = DisplacementStage(self.model, self.state, self.system)
+            self._let_fly()
         self.moving_ties = any(
             g.acting and (g.moving or g.kind == "velocity") for g in self.state.groups.values()
         ) and bool(len(self.system.ties.target))
+
+    def _let_fly(self) -> None:
+        """Under the displacement solver no part acts in the kernels."""
+        self.system.parts.on.zero_()
 
     # Around a step -------------------------------------------------------------------------------------------------
 
@@ -136,13 +145,17 @@ class Articulated:
             p.launch(remember_points, len(s.tied), [tied])
             p.barrier()
         given = [params, s.islands, bodies, tied, s.parts, s.row_table, s.matrix]
-        if self.search.parts:
-            now = self.state.rigid
-            p.host(lambda: self.search.begin(now))
+        if self.search.parts and self.displacement is None:
+            start = self.state.rigid
+            p.host(lambda: self.search.begin(start))
         p.launch(close_positions, s.island_count, [*given, 1], GRAIN)
         p.barrier()
-        if self.search.parts:
-            p.host(lambda: self.search.settle(given, self.ahead))
+        ahead, now = self.ahead, self.state.rigid
+        if self.displacement is not None:
+            stage = self.displacement
+            p.host(lambda: stage.correct(now, ahead, x, v, memory, float(host(params)[H])))
+        elif self.search.parts:
+            p.host(lambda: self.search.settle(given, ahead))
         self._record_points(p, bodies, x, v)
 
     def record_velocities(self, p: Program, params: wp.array, x: wp.array, v: wp.array, memory: wp.array) -> None:
@@ -161,7 +174,7 @@ class Articulated:
 
     def _loads_ahead(self, ahead: RigidState) -> None:
         if self.loaded:
-            self.loads(ahead, self.state.time + float(host(self.state.params)[0]))
+            self.loads(ahead, self.state.time + float(host(self.state.params)[H]))
             self._were_loaded = True
         elif getattr(self, "_were_loaded", True):
             for state in (ahead, self.state.rigid):
@@ -194,7 +207,12 @@ class Articulated:
     def report(self, report: StepReport, dt: float, size: float) -> None:
         """Residuals, energies, momentum and iterations of the step that ends at ``ahead``."""
         model, state, system = self.model, self.state, self.system
-        report.iterations["equality"] = int(host(system.islands.iterations).max())
+        if self.displacement is None:
+            report.iterations["equality"] = int(host(system.islands.iterations).max())
+        elif self.displacement.result is not None:
+            report.iterations["displacement"] = self.displacement.result.iterations
+            if not self.displacement.result.converged:
+                report.messages.append(self.displacement.result.warning())
         energies = rigid_energies(model, state, self.ahead)
         for name, value in energies.items():
             report.energies[name] = report.energies.get(name, 0.0) + value
@@ -216,7 +234,7 @@ class Articulated:
             )
             report.rate_residual["joint"], report.rate_residual["joint_rotation"] = float(worst[2]), float(worst[3])
             allowed = TOLERANCE + 64 * np.finfo(float).eps * size
-            if not (worst <= allowed).all():
+            if self.displacement is None and not (worst <= allowed).all():
                 self._name_worst(report, values, allowed)
 
     def residuals(self) -> np.ndarray:
@@ -277,7 +295,9 @@ class Articulated:
             if wanted != joint.acting:
                 joint.acting = wanted
                 changed = True
-        if changed and hasattr(self, "system"):
+        if changed and hasattr(self, "system") and self.displacement is not None:
+            self.displacement.prepare()
+        elif changed and hasattr(self, "system"):
             on = np.ones(self.system.parts.on.shape[0])
             on[: state.parts.count] = self.system.switches(state)
             self.system.parts.on.assign(on.astype(np.int32))
