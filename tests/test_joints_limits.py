@@ -6,6 +6,7 @@ from mechanism import ZERO, Mechanism, X, Y, Z, run
 from reference import joint_rows
 
 H = 1e-3
+SPIN = np.array([4.0, 1.0, 6.0])
 
 
 def slider(restitution: float = 0.0, speed: float = 1.0, gravity=ZERO, **limits) -> Mechanism:
@@ -151,7 +152,7 @@ def test_rope_goes_taut_and_slack():
 
 def test_cone_and_twist_limits_hold_a_thrown_limb():
     mechanism = Mechanism()
-    mechanism.body("limb", -0.2 * Z, mass=1.0, inertia=(0.02, 0.02, 0.004), w=[4.0, 1.0, 6.0])
+    mechanism.body("limb", -0.2 * Z, mass=1.0, inertia=(0.02, 0.02, 0.004), w=SPIN, v=np.cross(SPIN, -0.2 * Z))
     cone = {"cone": 0.7, "lower_limit": -0.3, "upper_limit": 0.4}
     mechanism.joint("cone_twist", "shoulder", "limb", axis=-Z, rows=joint_rows.ball, **cone)
     system = mechanism.system()

@@ -13,8 +13,8 @@ import turnbuckle
 
 
 def held(report) -> None:
-    assert report.position_residual["joint"] < 1e-10
-    assert report.position_residual["joint_rotation"] < 1e-10
+    assert "joint" in report.position_residual or "joint_rotation" in report.position_residual
+    assert max(report.position_residual.values()) < 1e-10
     assert max(report.rate_residual.values()) < 1e-10
 
 
@@ -96,7 +96,7 @@ def test_crank_and_rocker_against_closure():
     tip = crank * np.array([np.cos(0.4), np.sin(0.4), 0.0])
     end = np.array([ground + rocker * np.cos(first), rocker * np.sin(first), 0.0])
     mechanism = Mechanism(ZERO)
-    mechanism.body("crank", 0.5 * tip, w=4.0 * Z)
+    mechanism.body("crank", 0.5 * tip, w=12.0 * Z)
     mechanism.body("coupler", 0.5 * (tip + end))
     mechanism.body("rocker", 0.5 * (end + ground * X))
     mechanism.joint("revolute", "a", "crank")
@@ -170,7 +170,7 @@ def test_door_on_two_hinges():
     mechanism.joint("revolute", "upper", "door", None, 1.8 * Z)
     mechanism.joint("revolute", "lower", "door", None, 0.2 * Z)
     simulation = mechanism.simulation()
-    run(simulation, 1.0, 200, held)
+    run(simulation, 1.0, 400, held)
     place = np.array([0.4 * np.cos(1.5), 0.4 * np.sin(1.5), 1.0])
     assert mechanism.places(simulation)[0][0] == pytest.approx(place, abs=1e-6)
     (upper, twist_upper), (lower, twist_lower) = simulation.reaction("upper"), simulation.reaction("lower")

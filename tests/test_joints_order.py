@@ -12,6 +12,8 @@ from mechanism import Mechanism, Z, frame_of, run
 from reference import joint_rows
 from reference.multibody import System
 
+import turnbuckle
+
 END = 0.3  # [s]
 COUNTS = (24, 48, 96)
 AXIS = np.array([0.3, -0.5, 0.8]) / math.sqrt(0.98)
@@ -77,8 +79,8 @@ def errors(mechanism: Mechanism, system: System, truth: np.ndarray, n: int, **sc
     simulation = mechanism.simulation(**scene)
 
     def held(report):
-        assert report.position_residual["joint"] < 1e-10
-        assert report.position_residual["joint_rotation"] < 1e-10
+        assert "joint" in report.position_residual or "joint_rotation" in report.position_residual
+        assert max(report.position_residual.values()) < 1e-10
         assert max(report.rate_residual.values()) < 1e-10
 
     run(simulation, END, n, held)
@@ -128,10 +130,10 @@ def test_torque_that_changes_with_time_is_met_in_second_order():
     truth = system.simulate([END], 1e-11, 1e-12)[-1]
     seen = []
     for n in COUNTS:
-        simulation = mechanism.simulation(
-            forces=[{"name": "f", "body": "alone", "expression": ["sin(5*t)", 0.3, 0.0]},
-                    {"name": "m", "body": "alone", "torque": [0.0, "0.2*cos(4*t)", "0.1*t"]}]
-        )  # fmt: skip
+        scene = mechanism.scene()
+        torque = [0.0, "0.2*cos(4*t)", "0.1*t"]
+        scene.add_force("shake", body="alone", expression=["sin(5*t)", 0.3, 0.0], torque=torque)
+        simulation = turnbuckle.Simulation(scene)
         run(simulation, END, n)
         seen.append(mechanism.errors(simulation, truth, END, system))
     for what in ("place", "speed"):

@@ -61,7 +61,8 @@ def test_a_step_that_turns_too_far_is_halved(motion):
 
 def test_halving_keeps_joints_closed():
     mechanism = Mechanism()
-    mechanism.body("bob", 0.3 * X, inertia=INERTIA, w=[10.0, 20.0, 30.0])
+    spin = np.array([10.0, 20.0, 30.0])
+    mechanism.body("bob", 0.3 * X, inertia=INERTIA, w=spin, v=np.cross(spin, 0.3 * X))
     mechanism.joint("ball", "pivot", "bob")
     simulation = mechanism.simulation(max_rotation=0.1)
     halvings = 0

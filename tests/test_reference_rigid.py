@@ -63,7 +63,7 @@ def test_pendulum_over_the_top_obeys_its_equation():
 
 
 def test_steady_precession_of_a_heavy_top():
-    mass, arm, axial, across, spin, lean = 1.5, 0.2, 0.01, 0.004, 120.0, 0.7
+    mass, arm, axial, across, spin, lean = 1.5, 0.2, 0.01, 0.006, 120.0, 0.7
     about_point = across + mass * arm**2
     for rate in rigid_forms.steady_precession(spin, lean, axial, about_point, mass, arm, 9.81):
         axis = np.array([np.sin(lean), 0.0, np.cos(lean)])

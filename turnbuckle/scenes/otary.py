@@ -13,8 +13,8 @@ from turnbuckle.scene.scene import Scene
 TAIL_TIP, RUMP = np.array([-1.30, 0.30, 0.0]), np.array([-0.68, 0.42, 0.0])
 NECK, NOSE = np.array([0.42, 1.00, 0.0]), np.array([0.98, 1.34, 0.0])
 BELLY = np.array([-0.15, 0.36, 0.0])
-# Of each part: mass of the kernel [kg], radius of the kernel and thickness of the coat [m].
-PARTS = {"tail": (5.0, 0.05, 0.05), "body": (40.0, 0.20, 0.10), "head": (9.0, 0.09, 0.06)}
+# Of each part: mass of the kernel [kg], radius of the kernel and thickness of the coat [m], stiffness of the coat [J].
+PARTS = {"tail": (5.0, 0.05, 0.05, 0.06), "body": (40.0, 0.20, 0.10, 0.6), "head": (9.0, 0.09, 0.06, 0.12)}
 # Rings of the skin from the tip of the tail to the nose: part, place along the part, 0 at its joint with the body or
 # the rump, radius [m].
 RINGS = (
@@ -76,12 +76,12 @@ def otary(
 
 def _coat(stiffness: float) -> dict[str, float]:
     soft = dict.fromkeys(("k_distance", "k_area", "k_volume"), stiffness)
-    return {**soft, **dict.fromkeys(("damping_distance", "damping_area", "damping_volume"), 5e-3 * stiffness)}
+    return {**soft, **dict.fromkeys(("damping_distance", "damping_area", "damping_volume"), 3e-4 * stiffness)}
 
 
 def _add_part(scene: Scene, name: str, start: np.ndarray, end: np.ndarray, soft: bool) -> None:
     """A capsule from start to end [m], both in the plane z = 0, with its coat."""
-    mass, radius, coat = PARTS[name]
+    mass, radius, coat, stiffness = PARTS[name]
     along = end - start
     far = float(np.linalg.norm(along))
     # z onto the direction, by a turn in the plane y = 0 and one in the plane z = 0.
@@ -97,7 +97,7 @@ def _add_part(scene: Scene, name: str, start: np.ndarray, end: np.ndarray, soft:
         angular_damping=1.0,
     )
     if soft:
-        scene.add_coating(f"{name}_flesh", around=name, thickness=coat, density=100.0, color=FUR, **_coat(30.0))
+        scene.add_coating(f"{name}_flesh", around=name, thickness=coat, density=100.0, color=FUR, **_coat(stiffness))
 
 
 def _add_skin(scene: Scene) -> None:
@@ -155,7 +155,7 @@ def _add_ball(scene: Scene, tray: float, radius: float, soft: bool) -> None:
     scene.add_rigid("ball", sphere=kernel, mass=0.3, position=start, color=[0.80, 0.20, 0.20])
     if soft:
         coat = {"thickness": radius - kernel, "density": 100.0, "color": [0.80, 0.20, 0.20]}
-        scene.add_coating("ball_rubber", around="ball", **coat, **_coat(3.0))
+        scene.add_coating("ball_rubber", around="ball", **coat, **_coat(0.05))
     disc = {"normal": [0.0, 1.0, 0.0], "max": tray - 0.5 * radius}
     places = {"local_pos0": above, "local_pos1": [0.0, 0.0, 0.0]}
     scene.add_joint("joint", "on_tray", body0="tray", body1="ball", planar=disc, restitution=0.6, **places)

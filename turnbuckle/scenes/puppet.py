@@ -35,7 +35,7 @@ WOOD, CLOTH, ROPE = [0.72, 0.52, 0.32], [0.70, 0.28, 0.24], [0.25, 0.25, 0.25]
 
 def puppet(
     flesh: float = 0.028,
-    stiffness: float = 2.0,
+    stiffness: float = 0.01,
     sway: float = 0.25,
     dt: float = 5e-4,
     duration: float = 4.0,
@@ -92,7 +92,7 @@ def _turn_to(along: np.ndarray) -> Rotation:
 def _add_limbs(scene: Scene, flesh: float, stiffness: float) -> None:
     """Soft material around the bones of arms and legs."""
     soft = dict.fromkeys(("k_distance", "k_area", "k_volume"), stiffness)
-    damping = dict.fromkeys(("damping_distance", "damping_area", "damping_volume"), 0.01 * stiffness)
+    damping = dict.fromkeys(("damping_distance", "damping_area", "damping_volume"), 2e-4 * stiffness)
     for name, (_, _, _, _, parent) in BONES.items():
         if parent is not None and name != "head":
             scene.add_coating(

@@ -18,7 +18,7 @@ def snake(
     rise: float = 0.35,
     wave: float = 0.12,
     flesh: float = 0.03,
-    stiffness: float = 1.5,
+    stiffness: float = 0.03,
     slide: float = 0.55,
     dt: float = 1.0 / 960.0,
     duration: float = 3.0,
@@ -73,7 +73,7 @@ def snake(
 def _add_flesh(scene: Scene, name: str, flesh: float, stiffness: float) -> None:
     """Deformable material around a kernel."""
     soft = dict.fromkeys(("k_distance", "k_area", "k_volume"), stiffness)
-    damping = dict.fromkeys(("damping_distance", "damping_area", "damping_volume"), 5e-3 * stiffness)
+    damping = dict.fromkeys(("damping_distance", "damping_area", "damping_volume"), 3e-4 * stiffness)
     scene.add_coating(f"{name}_flesh", around=name, thickness=flesh, density=300.0, **soft, **damping)
 
 

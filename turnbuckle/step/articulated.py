@@ -170,7 +170,7 @@ class Articulated:
         )
         p.barrier()
         self._record_points(p, bodies, x, v)
-        self.certificate.record(p, s.parts, bodies)
+        self.certificate.record(p, s.acting, s.parts, bodies)
 
     def _loads_ahead(self, ahead: RigidState) -> None:
         if self.loaded:
@@ -270,9 +270,7 @@ class Articulated:
                 joint.broken, joint.acting = True, False
                 broken.append(joint.name)
         if broken:
-            self.system.parts.on.assign(
-                np.r_[self.system.switches(state), np.ones(self.system.parts.on.shape[0] - state.parts.count)]
-            )
+            self._switch_parts()
         return broken
 
     def mean_reactions(self, dt: float) -> tuple[np.ndarray, np.ndarray]:
@@ -295,12 +293,18 @@ class Articulated:
             if wanted != joint.acting:
                 joint.acting = wanted
                 changed = True
-        if changed and hasattr(self, "system") and self.displacement is not None:
+        if changed and hasattr(self, "system"):
+            self._switch_parts()
+
+    def _switch_parts(self) -> None:
+        """Tell the device which parts act; under the displacement solver its kernels close none."""
+        on = np.ones(self.system.parts.on.shape[0], dtype=np.int32)
+        on[: self.state.parts.count] = self.system.switches(self.state)
+        self.system.acting.assign(on)
+        if self.displacement is None:
+            self.system.parts.on.assign(on)
+        else:
             self.displacement.prepare()
-        elif changed and hasattr(self, "system"):
-            on = np.ones(self.system.parts.on.shape[0])
-            on[: state.parts.count] = self.system.switches(state)
-            self.system.parts.on.assign(on.astype(np.int32))
 
 
 def _product(p: np.ndarray, q: np.ndarray) -> np.ndarray:

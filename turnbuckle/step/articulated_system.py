@@ -85,10 +85,10 @@ class System:
         bodies, points, parts = np.arange(nd), np.arange(len(self.tied)), np.arange(len(near))
         islands = Islands()
         islands.node = self._put(order, wp.int32)
-        for name, items, nodes, shown in (
-            ("body", bodies, bodies, self.dynamic),
-            ("point", points, nd + points, points),
-            ("part", parts, self.movable + parts, parts),
+        for name, nodes, shown in (
+            ("body", bodies, self.dynamic),
+            ("point", nd + points, points),
+            ("part", self.movable + parts, parts),
         ):
             of = island_of[nodes]
             by = np.argsort(of, kind="stable")
@@ -122,6 +122,7 @@ class System:
             setattr(p, f.name, self._put(np.concatenate([old, tail]), kinds.get(f.name, wp.float64)))
         p.rows = self._put(self.rows, wp.int32)
         p.on = self._put(np.r_[self.switches(state), np.ones(extra)], wp.int32)
+        self.acting = wp.clone(p.on)  # what is measured; `on` is what the kernels close
         p.normal = wp.zeros(max(3 * n, 1), dtype=wp.vec3d, device=self.device)
         p.normal0 = wp.zeros(max(3 * n, 1), dtype=wp.vec3d, device=self.device)
         p.node = self._put(number[self.movable :], wp.int32)

@@ -50,6 +50,7 @@ def leaving(s: real, rate: real, lo: real, hi: real):
 @wp.kernel
 def measure_joints(
     begin: int,
+    on: wp.array(dtype=wp.int32),
     parts: Parts,
     bodies: Bodies,
     position_out: wp.array(dtype=real),
@@ -142,7 +143,7 @@ def measure_joints(
         position = wp.abs(wp.dot(touch - bodies.x1[b] - turn_b * parts.p_b[i], z_b))
         slip = bodies.v1[a] + wp.cross(bodies.w1[a], touch - bodies.x1[a])
         speed = wp.length(slip - bodies.v1[b] - wp.cross(bodies.w1[b], touch - bodies.x1[b]))
-    if parts.on[i] == 0 or (soft == 1 and (kind == SPHERE or kind == ANGLE or kind == TWIST)):
+    if on[i] == 0 or (soft == 1 and (kind == SPHERE or kind == ANGLE or kind == TWIST)):
         position = real(0.0)
         rotation = real(0.0)
         speed = real(0.0)
@@ -161,10 +162,10 @@ class JointCertificate:
         self.values = [wp.zeros(n, dtype=wp.float64, device=device) for _ in range(4)]
         self.count = state.parts.count
 
-    def record(self, p: Program, parts: Parts, bodies: Bodies) -> None:
-        """Record the measurement of the end of the step."""
+    def record(self, p: Program, on: wp.array, parts: Parts, bodies: Bodies) -> None:
+        """Record the measurement of the end of the step; ``on``: which parts act."""
         if self.count:
-            p.launch(measure_joints, self.count, [parts, bodies, *self.values])
+            p.launch(measure_joints, self.count, [on, parts, bodies, *self.values])
 
     def read(self) -> np.ndarray:
         """[m], [rad], [m/s], [rad/s] of each part, shape (4, parts)."""

@@ -16,7 +16,7 @@ from turnbuckle.geometry.quaternions import exponential, multiply, norm
 from turnbuckle.solvers.assembly.rows import Linearised, RowSet
 from turnbuckle.solvers.displacement.conditions import Poses
 
-DENSE = 240  # rows up to which the matrix is factored dense
+DENSE = 100  # rows up to which the matrix is factored dense
 LEAST_DAMPING = 1e-14
 MOST_DAMPING = 1e8
 LIMIT_ROUNDS = 4  # how often rows that a step would break are added to it

@@ -57,8 +57,8 @@ class Linearised:
         turning = np.where(moving[:, None], mobility.turning * inverse[:, None], 0.0)
         self._linear = np.sqrt(inverse * self.mean_mass)
         self._angular = np.sqrt(turning * self.mean_mass)
-        some = turning[turning > 0.0]
-        self.size = float(np.sqrt(1.0 / (some.mean() * self.mean_mass))) if len(some) else 1.0  # radius of gyration
+        some = mobility.turning[mobility.turning > 0.0]
+        self.size = float(np.median(1.0 / np.sqrt(some))) if len(some) else 1.0  # [m], radius of gyration
 
     def rows(self, poses: Poses) -> RowSet:
         """All rows at ``poses``; limits that are not reached are left out."""
