@@ -52,6 +52,9 @@ def reactions(model: Model, state: State, articulated: Any) -> tuple[np.ndarray,
     jacobian = _jacobian(state, line, t_a, t_b, rows, bodies.count)
     moves = np.repeat(bodies.motion == rigid.DYNAMIC, 6)
     inverse = _inverse_masses(model, now["q"])
+    free[bodies.motion == rigid.DYNAMIC] += (inverse @ _tied(state, articulated, now["q"]).ravel()).reshape(-1, 6)[
+        bodies.motion == rigid.DYNAMIC
+    ]
     s = (jacobian[:, moves] @ inverse[moves][:, moves] @ jacobian[:, moves].T).tocsr()
     right = -(bias[rows] + jacobian @ free.ravel())
     multipliers[rows] = _least(s, right)
@@ -164,6 +167,23 @@ def _free_accelerations(model: Model, state: State, now: dict[str, np.ndarray]) 
         arm, spin_rate = now["x"][body] - origin, (w1 - w0) / (2.0 * h)
         out[body, 3:] = spin_rate
         out[body, :3] = (v1 - v0) / (2.0 * h) + np.cross(spin_rate, arm) + np.cross(w[body], np.cross(w[body], arm))
+    return out
+
+
+def _tied(state: State, articulated: Any, q: np.ndarray) -> np.ndarray:
+    """What point constraints pushed the bodies with in the last step, forces and torques (bodies, 6)."""
+    system = articulated.system
+    out = np.zeros((len(q), 6))
+    if len(system.ties.target) == 0 or state.dt <= 0.0 or articulated.displacement is not None:
+        return out
+    weights = system.ties.weights.tocsr()
+    weights.sort_indices()
+    of = np.repeat(np.arange(weights.shape[0]), np.diff(weights.indptr))
+    force = weights.data[:, None] * articulated.tie_forces(state.dt)[of]
+    own = system.entries.body >= 0
+    body = system.entries.body[own]
+    np.add.at(out[:, :3], body, force[own])
+    np.add.at(out[:, 3:], body, np.cross(rotate(q[body], system.entries.local[own]), force[own]))
     return out
 
 
