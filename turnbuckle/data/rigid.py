@@ -117,6 +117,7 @@ class Joint:
     alpha: float = np.nan  # factor on its corrections, displacement solver (3.1.2); NaN: the scene's
     acting: bool = False
     broken: bool = False
+    live: bool = False  # added in the run, not defined by the scene
     definition: object = None
 
 

@@ -53,6 +53,7 @@ class State:
     gravity: np.ndarray  # (3,) [m/s^2]
     joints: dict[str, Joint] = field(default_factory=dict)  # by name
     domains: list = field(default_factory=list)  # curves, surfaces and callables of joint parts
+    scene_parts: int = 0  # parts of joints that the scene defines; those of joints added live follow them
     impulse: np.ndarray = field(
         default_factory=lambda: np.zeros(0)
     )  # of rows in the last step: what the solver starts from

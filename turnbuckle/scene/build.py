@@ -87,6 +87,7 @@ def build(definition: SceneDef, folder: Path, device: str = "cpu") -> tuple[Mode
     carry_coatings(written, model, state)
     joints = [c for c in definition.constraints if isinstance(c, BodyPairDef)]
     add_joints(model, state, joints, folder)
+    state.scene_parts = state.parts.count
     add_constraints(model, state, [c for c in definition.constraints if not isinstance(c, BodyPairDef)])
     state.scene_groups = state.group_count
     return model, state

@@ -21,6 +21,7 @@ class Trajectory:
     name: str
     pose: Pose
     smooth: bool  # differentiable; else rates come from earlier times
+    keys: tuple[np.ndarray, ...] = ()  # what a trajectory by keyframes is made of
 
     def rates(self, t: float) -> tuple[np.ndarray, np.ndarray]:
         """Velocity of the frame's origin [m/s], and angular velocity in world axes [rad/s]."""
@@ -45,7 +46,10 @@ def trajectory_of(d: RigidDef) -> Trajectory:
     """The trajectory of a scripted body. Raises `InputError`."""
     given = d.trajectory
     if isinstance(given, TrajectoryDef):
-        return Trajectory(d.name, _keyframes(given, Rotation.from_rotvec(np.array(d.rotation))), given.interpolation == "smooth")
+        keys = [np.array(a) for a in (given.times, given.positions, given.rotations) if a is not None]
+        smooth = given.interpolation == "smooth"
+        pose = _keyframes(given, Rotation.from_rotvec(np.array(d.rotation)))
+        return Trajectory(d.name, pose, smooth, (*keys, np.array([smooth])))
     assert given is not None
     result = Trajectory(d.name, _callable(d.name, given), True)
     try:
