@@ -1,14 +1,15 @@
 """Checkpoints: all of a `State` in one file, so that a run resumed has the bits of one that never stopped.
 
-The file is an .npz: arrays by name (``now.x``, ``nail.phase``, ...) and ``header``, a JSON text with all single numbers, the
-groups, and a fingerprint of the model. Every member carries a checksum. It is written beside its place and renamed, so
-there is a whole checkpoint at any time. What a checkpoint cannot hold are Python callables: moving goals that are
-callables come back from the scene, by the name of their constraint.
+The file is an .npz: arrays by name (``now.x``, ``rigid.q``, ``nail.phase``, ...) and ``header``, a JSON text with all
+single numbers, the groups and joints, and a fingerprint of the model. Every member carries a checksum. It is written beside
+its place and renamed, so there is a whole checkpoint at any time. What a checkpoint cannot hold are Python callables: goals
+and domains that are callables come back from the scene, by the name of their constraint.
 """
 
 import json
 import os
 import struct
+import tokenize
 import zipfile
 import zlib
 from dataclasses import fields
@@ -20,19 +21,23 @@ import warp as wp
 
 from turnbuckle.data.errors import InputError
 from turnbuckle.data.model import Model
+from turnbuckle.data.rigid import JointParts, Loads, RigidState
 from turnbuckle.data.state import Kinematics, State
 from turnbuckle.data.tables import Domain, Ramp, Table, Tables
 from turnbuckle.io.atomic import write_atomically
 from turnbuckle.io.checkpoint_groups import Shelf, pack_groups, unpack_groups
+from turnbuckle.io.checkpoint_joints import pack_joints, unpack_joints
 from turnbuckle.io.fingerprint import difference, fingerprint
 from turnbuckle.io.recorder import reason
 
 AnyPath = str | os.PathLike[str]
 FORMAT = "turnbuckle checkpoint"
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
+_PLAIN = (Kinematics, RigidState, Loads, JointParts)  # fields of `State` that are arrays by name
+_RESIZED = ("impulse", "active")  # arrays that are as long as the rows were in the last step
 _BROKEN_FILE = (
     OSError, ValueError, KeyError, EOFError, TypeError, IndexError, AttributeError, NotImplementedError, RuntimeError,
-    OverflowError, MemoryError, struct.error, zlib.error, zipfile.BadZipFile,
+    OverflowError, MemoryError, SyntaxError, tokenize.TokenError, struct.error, zlib.error, zipfile.BadZipFile,
 )  # fmt: skip
 
 
@@ -84,16 +89,16 @@ def _pack(model: Model, state: State) -> tuple[str, dict[str, np.ndarray]]:
     shelf = Shelf()
     for field in fields(State):
         name, value = field.name, getattr(state, field.name)
-        if name == "now":
-            arrays |= {f"now.{f.name}": getattr(value, f.name).numpy() for f in fields(Kinematics)}
+        if isinstance(value, _PLAIN):
+            arrays |= {f"{name}.{f.name}": _array(getattr(value, f.name)) for f in fields(value)}
         elif name == "tables":
             for kind, table in value.by_kind().items():
                 arrays |= {f"{kind}.{column}": array.numpy() for column, array in _columns(table).items()}
                 numbers[f"{kind}.rows"] = int(table.rows)
-        elif name == "groups":
+        elif name in ("groups", "joints", "domains"):
             pass  # below
         elif isinstance(value, wp.array | np.ndarray):
-            arrays[name] = np.asarray(value.numpy() if isinstance(value, wp.array) else value)
+            arrays[name] = _array(value)
         elif isinstance(value, dict):
             numbers[name] = {key: float(number) for key, number in value.items()}
         else:
@@ -108,8 +113,13 @@ def _pack(model: Model, state: State) -> tuple[str, dict[str, np.ndarray]]:
         "numbers": numbers,
         "domains": domains,
         "groups": pack_groups(state, shelf),
+        "joints": pack_joints(state, shelf),
     }
     return json.dumps(header), {**arrays, **shelf.arrays()}
+
+
+def _array(value: wp.array | np.ndarray) -> np.ndarray:
+    return np.asarray(value.numpy() if isinstance(value, wp.array) else value)
 
 
 def _columns(table: Table) -> dict[str, wp.array]:
@@ -152,9 +162,9 @@ def _unpack(
     found: dict[str, Any] = {}
     for field in fields(State):
         name, value = field.name, getattr(state, field.name)
-        if name == "now":
-            columns = {f.name: (getattr(value, f.name), arrays[f"now.{f.name}"]) for f in fields(Kinematics)}
-            found[name] = Kinematics(**{n: _put(old, new, model) for n, (old, new) in columns.items()})
+        if isinstance(value, _PLAIN):
+            columns = {f.name: (getattr(value, f.name), arrays[f"{name}.{f.name}"]) for f in fields(value)}
+            found[name] = type(value)(**{n: _like(old, new, model) for n, (old, new) in columns.items()})
         elif name == "tables":
             domains = [
                 Domain(d["name"], shelf.get(d["elements"]).astype(np.int32), shelf.get(d["rim"]).astype(np.int32))
@@ -164,13 +174,29 @@ def _unpack(
             found[name] = Tables(**tables, domains=domains)
         elif name == "groups":
             found[name] = unpack_groups(header["groups"], shelf, state, numbers["scene_groups"], shown)
+        elif name in ("joints", "domains"):
+            pass  # below
+        elif name in _RESIZED:
+            found[name] = arrays[name].astype(value.dtype)
         elif isinstance(value, wp.array):
             found[name] = _put(value, arrays[name], model)
         elif isinstance(value, np.ndarray):
             found[name] = arrays[name].astype(value.dtype).reshape(value.shape)
         else:
             found[name] = numbers[name]
+    found["joints"], found["domains"] = unpack_joints(
+        header["joints"], shelf, found["parts"], numbers["scene_parts"], state, shown
+    )
     return found
+
+
+def _like(old: wp.array | np.ndarray, values: np.ndarray, model: Model) -> wp.array | np.ndarray:
+    """Values as an array of the same sort as ``old``."""
+    if isinstance(old, wp.array):
+        return _put(old, values, model)
+    if values.dtype != old.dtype or values.shape[1:] != old.shape[1:]:
+        raise ValueError(f"an array of {values.dtype} {values.shape} where {old.dtype} {old.shape} is expected")
+    return values
 
 
 def _put(old: wp.array, values: np.ndarray, model: Model) -> wp.array:

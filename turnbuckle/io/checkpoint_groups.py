@@ -57,7 +57,7 @@ def pack_groups(state: State, shelf: Shelf) -> list[dict[str, Any]]:
         entry = {name: _plain(getattr(group, name)) for name in PLAIN}
         entry |= {name: shelf.put(getattr(group, name)) for name in ARRAYS}
         entry["goal"] = _pack_goal(group, live, shelf)
-        entry["definition"] = definition_text(group.definition) if live else _digest(group.definition)
+        entry["definition"] = definition_text(group.definition) if live else definition_digest(group.definition)
         packed.append(entry)
     return packed
 
@@ -98,7 +98,7 @@ def unpack_groups(
     for entry in entries:
         number, name = entry["number"], entry["name"]
         own = numbered.get(number)
-        if own is not None and (own.name != name or _digest(own.definition) != entry["definition"]):
+        if own is not None and (own.name != name or definition_digest(own.definition) != entry["definition"]):
             raise InputError(
                 f"checkpoint {shown}: was made with another definition of the constraint '{own.name}'; "
                 "resume with the scene it was made of, and change it in the run"
@@ -147,7 +147,8 @@ def definition_text(definition: Any, instead: Callable[[Any], Any] | None = None
     return json.dumps(definition.model_dump(exclude_unset=instead is None), default=plain)
 
 
-def _digest(definition: Any) -> str | None:
+def definition_digest(definition: Any) -> str | None:
+    """What tells one definition from another; callables count by their type alone."""
     text = definition_text(definition, instead=lambda value: type(value).__name__)
     return None if text is None else hashlib.sha256(text.encode()).hexdigest()
 

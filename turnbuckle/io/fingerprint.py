@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from turnbuckle.data.model import Model
+from turnbuckle.data.rigid import RigidBodies
 
 
 def fingerprint(model: Model) -> dict[str, Any]:
@@ -15,25 +16,38 @@ def fingerprint(model: Model) -> dict[str, Any]:
     springs, solids = ([getattr(part, f.name) for f in fields(part)] for part in (model.springs, model.tetrahedra))
     return {
         "points": model.points,
+        "rigid bodies": model.rigid.count - 1,
         "springs": len(model.springs.pairs),
         "tetrahedra": len(model.tetrahedra.corners),
         "integrator": model.integrator,
         "response": model.response,
         "conflicts": model.conflicts,
+        "solver of joints": model.solver,
+        "rigid motion": model.rigid_motion,
         "forces": [f.name for f in model.fields],
+        "forces on rigid bodies": [f.name for f in model.rigid_fields],
         "masses": _digest([model.mass]),
         "rest positions": _digest([model.rest]),
         "spring data": _digest(springs),
         "tetrahedron data": _digest(solids),
         "points under forces": _digest([f.points for f in model.fields]),
+        "data of rigid bodies": _digest(_rigid(model.rigid)),
+        "places of forces on rigid bodies": _digest([a for f in model.rigid_fields for a in (f.bodies, f.at)]),
     }
+
+
+def _rigid(bodies: RigidBodies) -> list[np.ndarray]:
+    """Where their points are, what they weigh and how they move; trajectories by their keyframes."""
+    names = ("motion", "mass", "inertia", "frame_x", "frame_q", "damping", "ability_to_rotate", "local")
+    keys = [array for _, t in sorted(bodies.trajectories.items()) for array in t.keys]  # type: ignore[attr-defined]
+    return [*(getattr(bodies, name) for name in names), *keys]
 
 
 def difference(saved: dict[str, Any], here: dict[str, Any]) -> str | None:
     """In words, the first thing in which two fingerprints differ."""
     for name, value in here.items():
         if saved.get(name) != value:
-            if name.startswith(("masses", "rest", "spring d", "tetrahedron d", "points u")):
+            if name.startswith(("masses", "rest", "spring d", "tetrahedron d", "points u", "data", "places")):
                 return f"its {name} differ"
             return f"its {name}: {saved.get(name)}, here: {value}"
     return None

@@ -31,13 +31,12 @@ class Articulated:
     def __init__(self, model: Model, state: State) -> None:
         self.model, self.state = model, state
         self.ahead = RigidState.at_rest(model.rigid.count, model.device)
-        for name in ("x", "q"):
-            getattr(self.ahead, name).assign(getattr(state.rigid, name))
         self.exists = model.rigid.count > 1
         self._halves = 1.0 if model.rigid_motion == "paper" else 2.0  # of a step in which the position impulses act
 
     def follow(self) -> None:
-        """Catch up with joints or ties that were added, removed or switched."""
+        """Catch up with joints or ties that were added, removed or switched, and with bodies that were put elsewhere."""
+        self._stay()
         self.system = System(self.model, self.state)
         self.certificate = JointCertificate(self.state, self.model.device)
         self.search = DomainSearch(self.state, self.system)
@@ -48,6 +47,11 @@ class Articulated:
         self.moving_ties = any(
             g.acting and (g.moving or g.kind == "velocity") for g in self.state.groups.values()
         ) and bool(len(self.system.ties.target))
+
+    def _stay(self) -> None:
+        """What does not move is at the end of a step where it is at its start."""
+        for name in "xqvw":
+            getattr(self.ahead, name).assign(getattr(self.state.rigid, name))
 
     def _let_fly(self) -> None:
         """Under the displacement solver no part acts in the kernels."""
@@ -191,6 +195,7 @@ class Articulated:
         """Put the points of rigid bodies where their bodies are now (poses were written by hand)."""
         if not hasattr(self, "system"):
             self.follow()
+        self._stay()
         state = self.state
         bodies = self.system.bodies(state.rigid, state.rigid, state.rigid)
         body, point, local, count = self.system.slaves

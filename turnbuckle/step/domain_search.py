@@ -18,6 +18,7 @@ from turnbuckle.step.articulated_system import System
 
 LOOKS = 40  # in a step at most
 SETTLED = 2e-13  # [m] that a point may still be off its domain
+NOTHING_HELD = Held(np.zeros((1, 3)), np.eye(3)[None], np.zeros(1, int), np.zeros((1, 3), bool))
 
 
 class DomainSearch:
@@ -39,13 +40,23 @@ class DomainSearch:
         return rotate(conjugate(multiply(q[b], parts.q_b[k])), d)
 
     def _held(self, p: np.ndarray) -> list[Held]:
-        return [self.state.domains[self.state.parts.domain[k]].held(p[i : i + 1]) for i, k in enumerate(self.numbers)]
+        on = self._on()
+        return [
+            self.state.domains[self.state.parts.domain[k]].held(p[i : i + 1]) if on[i] else NOTHING_HELD
+            for i, k in enumerate(self.numbers)
+        ]
+
+    def _on(self) -> np.ndarray:
+        """Which of the parts act (k,) bool."""
+        return self.system.switches(self.state)[self.numbers] > 0
 
     def residuals(self, at: RigidState) -> np.ndarray:
-        """Distances of the points from their domains (k,) [m]."""
+        """Distances of the points from their domains (k,) [m]; 0 for joints that are off."""
         p = self._local(at)
+        on = self._on()
         near = [
-            self.state.domains[self.state.parts.domain[k]].nearest(p[i : i + 1])[0] for i, k in enumerate(self.numbers)
+            self.state.domains[self.state.parts.domain[k]].nearest(p[i : i + 1])[0] if on[i] else p[i]
+            for i, k in enumerate(self.numbers)
         ]
         return np.linalg.norm(p - np.array(near), axis=1)
 

@@ -4,6 +4,7 @@ import math
 import time
 
 import numpy as np
+import warp as wp
 
 from turnbuckle.compute import Program, host
 from turnbuckle.constraints.activation import break_rows, update_windows
@@ -69,6 +70,8 @@ class Stepper:
         if first.status == "failed":
             return first
         second = self._halving(0.5 * dt, depth - 1)
+        if second.status != "failed":
+            self.state.steps -= 1  # both halves are one step
         return merge_reports(first, second)
 
     def _once(self, dt: float, last: bool) -> StepReport | None:
@@ -80,8 +83,10 @@ class Stepper:
             self.articulated.update_windows(dt)
         self._prepare(dt)
         move_goals(state, scheme, dt)
+        if self.articulated.exists:
+            self.articulated.prepare(dt)
         ramped = self._ramped()
-        before = [(t, t.phase.numpy().copy(), t.ramp.step.numpy().copy()) for t in ramped]
+        before = [(a, a.numpy().copy()) for t in ramped for a in (t.phase, t.ramp.step)]
         try:
             if state.stale:
                 self._program("evaluate").run()
@@ -92,6 +97,7 @@ class Stepper:
             elif dt != state.dt:
                 if scheme.lands_later:
                     aim_again(state, dt)
+                before.append((state.now.memory, state.now.memory.numpy().copy()))
                 self._program("change_dt").run()
             program = self._program("step")
             program.run()
@@ -182,8 +188,6 @@ class Stepper:
         params[PREVIOUS_H], params[INVERSE_H] = state.dt, 1.0 / dt
         if not state.params.device.is_cpu:
             state.params.assign(params)
-        if self.articulated.exists:
-            self.articulated.prepare(dt)
 
     def _program(self, name: str) -> Program:
         key = (name, id(self.state.now))
@@ -231,10 +235,9 @@ class Stepper:
         kinds = {g.kind for g in self.state.groups.values() if g.acting and g.ramp_steps > 0}
         return [getattr(self.state.tables, kind) for kind in sorted(kinds)]
 
-    def _restore(self, before: list[tuple[Table, np.ndarray, np.ndarray]]) -> None:
-        for table, phase, step in before:
-            table.phase.assign(phase)
-            table.ramp.step.assign(step)
+    def _restore(self, before: list[tuple[wp.array, np.ndarray]]) -> None:
+        for array, values in before:
+            array.assign(values)
         if self.articulated.exists:
             self.articulated.restore()
 
