@@ -11,8 +11,10 @@ orders guarantee that:
 
 * *bodies first*, then parts by least degree: the classic Schur complement. Each body makes a clique of its parts.
 * *tree*: the depth-first order of a spanning tree of the graph, leaves first; a part follows the bodies it hangs on its
-  parent, a part of a single body follows that body, and a part that closes a loop comes just before the body where the
-  loop's two ways meet. Bodies with many parts make no clique then.
+  parent, a part that closes a loop comes just before the body where the loop's two ways meet, and a part of a single
+  body, which closes a loop through the world, comes last of all. Bodies with many parts make no clique then. (Right
+  after its body it would hold that body before the part above it has seen its parent: a ball joint on a body that is
+  held by another has two of its three rows' rank.)
 
 Both are linear for chains and trees (Baraff 1996 for the latter); the cheaper one is taken.
 """
@@ -121,10 +123,12 @@ def _tree(body_count: int, parts: list[np.ndarray], body_parts: list[np.ndarray]
         if parent[node] >= 0:
             has_child[parent[node]] = True
     late: list[list[int]] = [[] for _ in parent]
-    after: list[list[int]] = [[] for _ in parent]  # parts of one body: without it they have no pivot yet
+    after: list[list[int]] = [[] for _ in parent]  # parts of one body, by the root above it
+    root_of = np.full(len(parent), -1, dtype=np.int64)
     for node in reached:
+        root_of[node] = node if parent[node] == -1 else root_of[parent[node]]
         if node >= body_count and len(parts[node - body_count]) == 1:
-            after[parent[node]].append(node)
+            after[root_of[node]].append(node)
         elif node >= body_count and not has_child[node]:
             meeting = _meeting(parts[node - body_count], parent, depth)
             while meeting >= body_count:
