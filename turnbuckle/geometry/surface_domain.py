@@ -6,6 +6,8 @@ from scipy.spatial import cKDTree
 from turnbuckle.data.errors import InputError
 from turnbuckle.geometry.domains import AT_LIMIT, Domain, Held, basis
 
+ON_SURFACE = 1e-12  # of its size: nearer than this the way to an edge has no direction
+
 
 def nearest_on_triangles(p: np.ndarray, corners: np.ndarray) -> np.ndarray:
     """Weights (n, 3) of the place of triangle ``corners[i]`` (3, 3) nearest to ``p[i]``, exactly 0 on edges."""
@@ -115,7 +117,7 @@ class Surface(Domain):
         length = np.linalg.norm(smooth, axis=1, keepdims=True)
         smooth = np.where(length > 1e-6, smooth / np.where(length > 1e-6, length, 1.0), face)
         rim = (on_edge & self._rim[triangle, np.argmax(zero, axis=1)]) | (on_corner & self._rim_vertex[corner])
-        far = distance > AT_LIMIT * max(1.0, self._size)
+        far = distance > ON_SURFACE * max(1.0, self._size)
         unit = off / np.where(far, distance, 1.0)[:, None]
         toward = np.where(np.einsum("nd,nd->n", unit, smooth) < 0.0, -1.0, 1.0)[:, None] * unit
         normal = np.where((far & (on_edge | on_corner) & ~rim)[:, None], toward, np.where(rim[:, None], face, smooth))

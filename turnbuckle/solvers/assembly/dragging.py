@@ -31,7 +31,7 @@ def drag(
 
     ``joints`` are closed to ``tolerance`` [m and rad] after each step, and at ``poses`` already.
     """
-    pull = drags.plain_rows(poses)
+    pull = drags.every_row(poses)
     size = float(np.linalg.norm(pull.s))
     factor, idle = 1e-3, 0
     for _ in range(STEPS):
@@ -41,7 +41,7 @@ def drag(
         hoped = size**2 - float(np.square(pull.s + pull.jacobian @ step).sum())
         tried = advance(joints, poses, step, max_rotation)
         closed = close(joints, tried, tolerance=tolerance, max_steps=40, max_rotation=max_rotation)
-        new = drags.plain_rows(closed.poses)
+        new = drags.every_row(closed.poses)
         new_size = float(np.linalg.norm(new.s))
         if closed.residual <= tolerance and new_size < size:
             idle = idle + 1 if new_size > (1.0 - SETTLED) * size else 0

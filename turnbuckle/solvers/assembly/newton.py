@@ -35,8 +35,9 @@ class Closed:
 
 
 def solver_of(matrix: sparse.csr_array, damping: float) -> Callable[[np.ndarray], np.ndarray]:
-    """Solves with ``J J^T + damping`` for one or several right sides."""
+    """Solves with ``J J^T + lambda`` for one or several right sides; lambda is ``damping`` times the mean diagonal."""
     count = matrix.shape[0]
+    damping = damping * float(matrix.multiply(matrix).sum()) / max(count, 1)
     if count <= DENSE:
         dense = matrix.toarray()
         square = dense @ dense.T + damping * np.eye(count)

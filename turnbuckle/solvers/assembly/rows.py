@@ -14,14 +14,14 @@ from turnbuckle.solvers.displacement.conditions import Conditions, Poses
 from turnbuckle.solvers.displacement.mobility import Mobility
 from turnbuckle.solvers.displacement.ties import TieRows
 
-STILL = 1e-12  # of the largest row: a row that moves nothing
+STILL = 1e-24  # of the largest row, squared: a row that moves nothing
 
 
 @dataclass
 class RowSet:
     """Rows ``s + J d = 0``, or ``>= 0`` where ``sided``."""
 
-    s: np.ndarray  # (r,), `Linearised.rows` divides each row by the length of its derivative
+    s: np.ndarray  # (r,) [m], of rotations in radians times the radius of gyration
     sided: np.ndarray  # (r,) bool
     jacobian: sparse.csr_array  # (r, 6 bodies)
 
@@ -61,16 +61,14 @@ class Linearised:
         self.size = float(np.median(1.0 / np.sqrt(some))) if len(some) else 1.0  # [m], radius of gyration
 
     def rows(self, poses: Poses) -> RowSet:
-        """All rows at ``poses``; limits that are not reached are left out."""
-        raw = self.plain_rows(poses)
-        length = np.sqrt(raw.jacobian.multiply(raw.jacobian).sum(axis=1)) if len(raw.s) else np.zeros(0)
-        keep = np.flatnonzero(length > STILL * length.max(initial=0.0))
-        scale = 1.0 / length[keep]
-        jacobian = sparse.diags_array(scale) @ raw.jacobian[keep]
-        return RowSet(raw.s[keep] * scale, raw.sided[keep], jacobian.tocsr())
+        """All rows at ``poses`` that can be moved; limits that are not reached are left out."""
+        every = self.every_row(poses)
+        square = every.jacobian.multiply(every.jacobian).sum(axis=1) if len(every.s) else np.zeros(0)
+        keep = np.flatnonzero(square > STILL * square.max(initial=0.0))
+        return RowSet(every.s[keep], every.sided[keep], every.jacobian[keep])
 
-    def plain_rows(self, poses: Poses) -> RowSet:
-        """The same in metres and radians, rows that move nothing included."""
+    def every_row(self, poses: Poses) -> RowSet:
+        """The same, with those between bodies that cannot move."""
         chunks = [chunk for chunk in (*self._places(poses), *self._turns(poses)) if len(chunk.s)]
         s = [chunk.s for chunk in chunks]
         sided = [chunk.sided for chunk in chunks]
@@ -138,6 +136,7 @@ class Linearised:
         return _Chunk(s, sided, a, b, n, cross(at - poses.x[a], n), cross(at - poses.x[b], n))
 
     def _torques(self, rows: np.ndarray, s: np.ndarray, t: np.ndarray) -> _Chunk:
+        s, t = s * self.size, t * self.size
         return _Chunk(s, np.zeros(len(s), bool), self._c.a[rows], self._c.b[rows], np.zeros_like(t), t, t)
 
     def _turns(self, poses: Poses) -> list[_Chunk]:
