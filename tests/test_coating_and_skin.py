@@ -127,6 +127,24 @@ def test_a_mesh_is_filled_around_the_kernel(tmp_path: Path, monkeypatch: pytest.
     assert flesh.mass.sum() == pytest.approx(1000.0 * (ball - 0.2**3), rel=1e-6)
 
 
+def test_what_is_drawn_of_a_coating_is_its_true_outer_surface() -> None:
+    scene = coated(capsule={"radius": RADIUS, "length": LENGTH}, position=(1.0, 0.0, 0.0))
+    model, state = scene.build()
+    x, shape = state.positions(), model.shape("flesh")
+    surface = shape.skin.positions(x) - (1.0, 0.0, 0.0)
+    np.testing.assert_allclose(DISTANCE["capsule"](surface), THICKNESS, atol=1e-13)
+    check_solid(surface, shape.skin.triangles)
+    assert len(shape.skin.triangles) > 4 * len(shape.triangles)
+    stretched = 2.0 * x
+    np.testing.assert_allclose(shape.skin.positions(stretched), 2.0 * shape.skin.positions(x), atol=1e-12)
+
+
+def test_coatings_and_skins_survive_a_file(tmp_path: Path) -> None:
+    scene = snake(True, radius=0.07, rings=2, color=(0.1, 0.2, 0.3))
+    scene.save(tmp_path / "snake.yaml")
+    assert Scene.load(tmp_path / "snake.yaml").definition == scene.definition
+
+
 def test_wrong_coatings_are_one_sentence() -> None:
     scene = Scene("wrong")
     scene.add_rope("rope", start=(0, 0, 0), end=(1, 0, 0), segments=3)

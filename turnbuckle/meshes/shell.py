@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from turnbuckle.data.errors import InputError
-from turnbuckle.meshes.shapes import six_volumes
+from turnbuckle.meshes.shapes import boundary_triangles, six_volumes
 
 CELL_LIMIT = 1_000_000
 COARSE = 0.4  # of the smallest width: length of a cell where the user gives none
@@ -25,25 +25,32 @@ class Shell:
     tetrahedra: np.ndarray  # (m, 4) int32, volume > 0
     inner: np.ndarray  # (k,) int32, the vertices on the kernel
     volume: float  # between the true surfaces [m^3]
+    edge: float = 0.0  # length of the cells aimed for [m], 0 where there was no such aim
+
+    def outside(self) -> tuple[np.ndarray, np.ndarray]:
+        """The outer surface alone: vertices (k, 3) [m] and triangles (m, 3) int32."""
+        faces = boundary_triangles(self.tetrahedra)
+        faces = faces[~np.isin(faces, self.inner).any(axis=1)]
+        used, index = np.unique(faces, return_inverse=True)
+        return self.vertices[used], index.reshape(-1, 3).astype(np.int32)
 
 
 def box_shell(size: np.ndarray, thickness: float, layers: int = 1, edge: float | None = None) -> Shell:
     """Around a box of lengths ``size`` (3,) [m]: its corners stay sharp."""
     size = np.asarray(size, dtype=np.float64)
     outer = size + 2.0 * thickness
-    cells = _cells(outer, _edge(edge, thickness / layers, outer.min()), 1)
+    wanted = _edge(edge, thickness / layers, outer.min())
     volume = float(np.prod(outer) - np.prod(size))
-    return _shell(cells, lambda u, t: u * (0.5 * size + t), thickness, layers, volume)
+    return _shell(_cells(outer, wanted, 1), lambda u, t: u * (0.5 * size + t), thickness, layers, volume, wanted)
 
 
 def sphere_shell(radius: float, thickness: float, layers: int = 1, edge: float | None = None) -> Shell:
     """Around a ball."""
     outer = radius + thickness
-    cells = _cells(
-        np.full(3, 0.5 * np.pi * outer), _edge(edge, thickness / layers, 2.0 * outer), 3 if edge is None else 2
-    )
+    wanted = _edge(edge, thickness / layers, 2.0 * outer)
+    cells = _cells(np.full(3, 0.5 * np.pi * outer), wanted, 3 if edge is None else 2)
     volume = 4.0 / 3.0 * np.pi * (outer**3 - radius**3)
-    return _shell(cells, lambda u, t: (radius + t) * _on_sphere(u), thickness, layers, volume)
+    return _shell(cells, lambda u, t: (radius + t) * _on_sphere(u), thickness, layers, volume, wanted)
 
 
 def cylinder_shell(radius: float, length: float, thickness: float, layers: int = 1, edge: float | None = None) -> Shell:
@@ -60,7 +67,7 @@ def cylinder_shell(radius: float, length: float, thickness: float, layers: int =
         return np.c_[(radius + t) * across, u[:, 2] * (0.5 * length + t)]
 
     volume = np.pi * ((radius + thickness) ** 2 * (length + 2.0 * thickness) - radius**2 * length)
-    return _shell(cells, place, thickness, layers, float(volume))
+    return _shell(cells, place, thickness, layers, float(volume), wanted)
 
 
 def capsule_shell(radius: float, length: float, thickness: float, layers: int = 1, edge: float | None = None) -> Shell:
@@ -81,7 +88,7 @@ def capsule_shell(radius: float, length: float, thickness: float, layers: int = 
         return points
 
     volume = np.pi * (outer**2 - radius**2) * length + 4.0 / 3.0 * np.pi * (outer**3 - radius**3)
-    return _shell(cells, place, thickness, layers, float(volume))
+    return _shell(cells, place, thickness, layers, float(volume), wanted)
 
 
 def _on_sphere(u: np.ndarray) -> np.ndarray:
@@ -102,7 +109,12 @@ def _cells(lengths: np.ndarray, edge: float, least: int) -> np.ndarray:
 
 
 def _shell(
-    cells: np.ndarray, place: Callable[[np.ndarray, float], np.ndarray], thickness: float, layers: int, volume: float
+    cells: np.ndarray,
+    place: Callable[[np.ndarray, float], np.ndarray],
+    thickness: float,
+    layers: int,
+    volume: float,
+    edge: float,
 ) -> Shell:
     lattice, quads = cube_surface(cells)
     if len(quads) * layers > CELL_LIMIT:
@@ -111,7 +123,7 @@ def _shell(
     levels = [place(unit, thickness * k / layers) for k in range(layers + 1)]
     triangles = _cut(levels[-1], quads)
     vertices, tetrahedra = prisms(levels, triangles)
-    return Shell(vertices, tetrahedra, np.arange(len(lattice), dtype=np.int32), volume)
+    return Shell(vertices, tetrahedra, np.arange(len(lattice), dtype=np.int32), volume, edge)
 
 
 def cube_surface(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

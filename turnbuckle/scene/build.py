@@ -16,7 +16,7 @@ from turnbuckle.data.shape import Shape, Skin
 from turnbuckle.data.state import PARAMS, Kinematics, State
 from turnbuckle.data.tables import Tables, empty_table
 from turnbuckle.scene.build_bodies import Body, build_body
-from turnbuckle.scene.build_coating import carry_coatings, expand_coatings
+from turnbuckle.scene.build_coating import carry_coatings, dress_coatings, expand_coatings
 from turnbuckle.scene.build_constraints import add_constraints
 from turnbuckle.scene.build_joints import add_joints, empty_parts
 from turnbuckle.scene.build_rigid_bodies import first_state as first_rigid_state
@@ -72,7 +72,7 @@ def build(definition: SceneDef, folder: Path, device: str = "cpu") -> tuple[Mode
         springs=springs,
         tetrahedra=tets,
         fields=fields,
-        shapes=add_skins(written, shapes, x),
+        shapes=add_skins(written, dress_coatings(written, shapes, x, folder), x),
         rigid=rigids,
         rigid_fields=rigid_fields,
         solver=definition.solver,

@@ -4,6 +4,8 @@ Every inner point of the solid gets its own point on the kernel (an anchor, numb
 one by `points_to_point`: exact, and what the material pushes arrives at the kernel.
 """
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +13,9 @@ import numpy as np
 
 from turnbuckle.data.errors import InputError
 from turnbuckle.data.model import Model
+from turnbuckle.data.shape import Shape, Skin
 from turnbuckle.data.state import State
+from turnbuckle.meshes.embedding import embed
 from turnbuckle.meshes.inside import winding_numbers
 from turnbuckle.meshes.read import SurfaceMesh, read_mesh
 from turnbuckle.meshes.repair import check_surface
@@ -22,6 +26,8 @@ from turnbuckle.scene.build_rigid import rigid_shape
 from turnbuckle.scene.definitions import CoatingDef, PointsDef, PointsToPointDef, RigidDef, SceneDef, SolidDef
 from turnbuckle.scene.trajectories import start_pose
 
+FINER = 3.0  # than the tetrahedra is the surface that is drawn of a coating
+FINE = 20_000  # tetrahedra, whose own boundary is fine enough
 MATERIAL = ("k_distance", "k_area", "k_volume", "damping_distance", "damping_area", "damping_volume")
 
 
@@ -69,6 +75,38 @@ def carry_coatings(definition: SceneDef, model: Model, state: State) -> None:
         own = slice(shape.begin, shape.end)
         velocity[own] = v[b] + np.cross(w[b], points[own] - x[b])
     state.now.v.assign(velocity)
+
+
+def dress_coatings(definition: SceneDef, shapes: Sequence[Shape], x: np.ndarray, folder: Path) -> tuple[Shape, ...]:
+    """The shapes, those of coatings with a finer outer surface that moves with them. ``definition`` is the user's."""
+    coatings = {body.name: body for body in definition.bodies if isinstance(body, CoatingDef)}
+    kernels = {body.name: body for body in definition.bodies if isinstance(body, RigidDef)}
+    covered = {name for skin in definition.skins for name in skin.bodies}
+    dressed = []
+    for shape in shapes:
+        coating = coatings.get(shape.name)
+        if coating is not None and shape.name not in covered:
+            kernel = kernels[coating.around]
+            vertices, triangles = _fine_surface(coating, kernel, folder)
+            origin, turn = start_pose(kernel)
+            points, weights = embed(turn.apply(vertices) + origin, x[shape.begin : shape.end], shape.tetrahedra)
+            shape = replace(shape, skin=Skin(points + shape.begin, weights, triangles))
+        dressed.append(shape)
+    return tuple(dressed)
+
+
+def _fine_surface(coating: CoatingDef, kernel: RigidDef, folder: Path) -> tuple[np.ndarray, np.ndarray]:
+    """The outer surface to look at, in the kernel's frame: the user's mesh, or cells a third as long."""
+    if coating.thickness is None:
+        mesh = read_mesh(folder / Path(str(coating.mesh)).expanduser())
+        assert isinstance(mesh, SurfaceMesh)  # looked at before
+        vertices, triangles, _ = check_surface(mesh.vertices, mesh.triangles)
+        return vertices, triangles
+    shell = coating_shell(coating, kernel, folder)
+    if len(shell.tetrahedra) > FINE:
+        return shell.outside()
+    finer = coating.model_copy(update={"edge_length": shell.edge / FINER, "layers": 1})
+    return coating_shell(finer, kernel, folder).outside()
 
 
 def coating_shell(coating: CoatingDef, kernel: RigidDef, folder: Path) -> Shell:
