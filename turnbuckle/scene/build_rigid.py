@@ -89,8 +89,8 @@ def _shape(d: RigidDef, folder: Path) -> RigidShape:
 
 def _sum(parts: list[MassProperties]) -> MassProperties:
     """Masses add; inertias add about the common centre (parallel axes)."""
-    mass = sum(m for m, _, _ in parts)
-    center = sum(m * c for m, c, _ in parts) / mass
+    mass = float(sum(m for m, _, _ in parts))
+    center = np.sum([m * c for m, c, _ in parts], axis=0) / mass
     inertia = np.zeros((3, 3))
     for m, c, own in parts:
         r = c - center

@@ -64,7 +64,9 @@ def automatic_rings(d: SkinDef, shapes: Sequence[Shape], x: np.ndarray) -> tuple
 def given_rings(d: SkinDef, bodies: Mapping[str, Any]) -> tuple[list[Ring], np.ndarray]:
     """Rings of the user's sections, and both poles (2, 3) [m]."""
     angle = 2.0 * np.pi * np.arange(d.around) / d.around
-    rings, circles, axes = [], [], []
+    rings: list[Ring] = []
+    circles: list[tuple[np.ndarray, np.ndarray]] = []
+    axes: list[np.ndarray] = []
     across = np.zeros(3)
     for section in d.sections or ():
         body = bodies[section.body]

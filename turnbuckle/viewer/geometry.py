@@ -88,7 +88,7 @@ class SceneGeometry:
         if not len(seen):
             return around
         low, high = seen.min(axis=0), seen.max(axis=0)
-        room = _ROOM * np.linalg.norm(high - low)
+        room = _ROOM * float(np.linalg.norm(high - low))
         return np.concatenate(
             [around, *(np.clip(v, low - room, high + room) for v in still if _near(v, low, high, room))]
         )
