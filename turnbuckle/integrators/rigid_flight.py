@@ -25,7 +25,7 @@ from turnbuckle.constraints.joints.evaluate import evaluate
 from turnbuckle.data.articulated import EACH, MOTOR, SOFT, Bodies, Islands, Parts, RowTable, TiedPoints
 from turnbuckle.data.state import GRAVITY, H
 from turnbuckle.integrators.rigid_rows import CLOSED, middle_rows, outside, residual_of, revise
-from turnbuckle.linalg.block_ldl import BlockMatrix
+from turnbuckle.linalg.block_ldl import RANK, BlockMatrix
 from turnbuckle.math.index import known
 from turnbuckle.math.rotation import rotation_log, turned_inertia
 from turnbuckle.math.types import real, vec3
@@ -34,7 +34,12 @@ from turnbuckle.solvers.equality import acts, clear_right_side, factor_island, r
 wp.set_module_options({"enable_backward": False})
 
 ITERATIONS = wp.constant(60)  # of Newton's method at most
-BALANCED = wp.constant(wp.float64(1e-11))  # [m or rad] that the equations of motion may be left with before the last flight
+BALANCED = wp.constant(
+    wp.float64(1e-11)
+)  # [m or rad] that the equations of motion may be left with before the last flight
+TRIES = wp.constant(25)  # iterations before the pose is taken to be singular
+SINGULAR = wp.constant(wp.float64(1e-3))  # of a row's own J M^-1 J^T: the rank then
+OPEN = wp.constant(wp.float64(2e-12))  # [m or rad] from which what is left open is closed at the end of the flight
 ROUND = wp.constant(wp.float64(1e-15))  # of the largest coordinate
 PASSES = wp.constant(30)  # over the active set at most
 
@@ -147,6 +152,126 @@ def take_newton_step(islands: Islands, parts: Parts, rows: RowTable, bodies: Bod
                 rows.impulse[k] = rows.impulse[k] - m.x[known(s + r)]
 
 
+@wp.func
+def factor_flight(
+    islands: Islands, parts: Parts, rows: RowTable, bodies: Bodies, points: TiedPoints, m: BlockMatrix, island: int,
+    h: real, rank: real,
+):  # fmt: skip
+    """The matrix of Newton's method: directions of the start, where joints are closed and rows that repeat others show as such
+    (those of the middle repeat each other only to order h^2), and geometric stiffness. Rows dropped have no impulse."""
+    first = islands.part_start[island]
+    last = islands.part_start[island + 1]
+    for i in range(first, last):
+        evaluate(parts, rows, bodies, points, known(islands.part[known(i)]), 0, 1)
+    factor_island(islands, parts, rows, bodies, points, m, island, 2 * (1 - islands.paper), h, rank)
+    for i in range(first, last):
+        p = known(islands.part[known(i)])
+        for r in range(parts.rows[p]):
+            k = known(EACH * p + r)
+            if rows.dropped[k] == 1:
+                rows.impulse[k] = real(0.0)
+
+
+@wp.func
+def push_at_start(
+    islands: Islands,
+    parts: Parts,
+    rows: RowTable,
+    bodies: Bodies,
+    points: TiedPoints,
+    m: BlockMatrix,
+    island: int,
+    h: real,
+):
+    """Give the impulses of the solution to the start of the flight, each along one line for both bodies, and fly again."""
+    for i in range(islands.part_start[island], islands.part_start[island + 1]):
+        p = known(islands.part[known(i)])
+        s = m.scalar[known(parts.node[p])]
+        a = known(parts.a[p])
+        b = known(parts.b[p])
+        for r in range(parts.rows[p]):
+            k = known(EACH * p + r)
+            impulse = -m.x[known(s + r)]
+            if parts.on[p] == 0 or impulse == real(0.0) or acts(parts, rows, p, k) == 0:
+                continue
+            line = rows.line[k] * impulse
+            if parts.tie[p + 1] > parts.tie[p]:
+                for e in range(parts.tie[p], parts.tie[p + 1]):
+                    w = parts.tie_weight[e]
+                    body = parts.tie_body[e]
+                    if body < 0:
+                        t = parts.tie_point[e]
+                        j = points.point[t]
+                        dv = line * (w / points.mass[t])
+                        points.x[j] = points.x[j] + dv * h
+                        points.v[j] = points.v[j] + dv
+                        points.memory[j] = points.memory[j] + dv
+                    elif parts.tie_place[e] >= 0:
+                        arm = bodies.x1[body] + wp.quat_rotate(bodies.q1[body], parts.tie_local[e]) - bodies.x0[body]
+                        bodies.v1[body] = bodies.v1[body] + line * (w * bodies.inverse_mass[body])
+                        bodies.momentum[body] = bodies.momentum[body] + wp.cross(arm, line) * w
+                continue
+            turn = rows.t_a[k] * impulse
+            force = int(0)
+            if wp.length_sq(line) > real(0.0):
+                force = 1
+            if parts.place_a[p] >= 0:
+                if force == 1:
+                    turn = wp.cross(rows.at[k] - bodies.x0[a], line)
+                bodies.v1[a] = bodies.v1[a] + line * bodies.inverse_mass[a]
+                bodies.momentum[a] = bodies.momentum[a] + turn
+            if parts.place_b[p] >= 0:
+                if force == 1:
+                    turn = wp.cross(rows.at[k] - bodies.x0[b], line)
+                bodies.v1[b] = bodies.v1[b] - line * bodies.inverse_mass[b]
+                bodies.momentum[b] = bodies.momentum[b] - turn
+    for i in range(islands.body_start[island], islands.body_start[island + 1]):
+        fly(islands, bodies, known(islands.body[known(i)]), h)
+
+
+@wp.func
+def close_at_end(
+    islands: Islands,
+    parts: Parts,
+    rows: RowTable,
+    bodies: Bodies,
+    points: TiedPoints,
+    m: BlockMatrix,
+    island: int,
+    h: real,
+):
+    """Close what the flight could not, with directions of the iterate: near singular poses, where directions turn as fast as
+    they are. It keeps momenta too, energy to the size of the gap. Returns the residual left."""
+    first = islands.part_start[island]
+    last = islands.part_start[island + 1]
+    worst = real(0.0)
+    count = int(0)
+    going = int(1)
+    while going == 1:
+        worst = real(0.0)
+        clear_right_side(islands, m, island)
+        for i in range(first, last):
+            p = known(islands.part[known(i)])
+            if parts.on[p] == 0:
+                continue
+            evaluate(parts, rows, bodies, points, p, 1, 1)
+            s = m.scalar[known(parts.node[p])]
+            for r in range(parts.rows[p]):
+                k = known(EACH * p + r)
+                if acts(parts, rows, p, k) == 1 and rows.mode[k] != SOFT and rows.mode[k] != MOTOR:
+                    g = residual_of(parts, rows, p, k, h)
+                    m.x[known(s + r)] = -g / h
+                    worst = wp.max(worst, wp.abs(g))
+        if worst < real(2.0) * CLOSED or count == 20 or not (worst < real(1e3)):
+            going = 0
+        else:
+            count += 1
+            factor_island(islands, parts, rows, bodies, points, m, island, 1, h, RANK)
+            solve_island(islands, m, island)
+            push_at_start(islands, parts, rows, bodies, points, m, island, h)
+    return worst
+
+
 @wp.kernel
 def close_positions(
     begin: int,
@@ -201,11 +326,15 @@ def close_positions(
     passes = int(0)  # over the active set, without a Newton iteration
     going = int(1)
     worst = real(0.0)
+    size = real(0.0)
+    missed = real(0.0)  # of rows that were dropped
+    rank = real(RANK)
     before = real(1e300)
     while going == 1:
         fly_island(islands, bodies, points, island, h)
         changed = int(0)
         worst = real(0.0)
+        missed = real(0.0)
         size = real(0.0)
         clear_right_side(islands, m, island)
         for i in range(first, last):
@@ -223,7 +352,10 @@ def close_positions(
                 if acts(parts, rows, p, k) == 1:
                     g = residual_of(parts, rows, p, k, h)
                     m.x[known(s + r)] = -g / h
-                    worst = wp.max(worst, wp.abs(g))
+                    if rows.dropped[k] == 1 and stale == 0:
+                        missed = wp.max(missed, wp.abs(g))
+                    else:
+                        worst = wp.max(worst, wp.abs(g))
         gather_impulses(islands, parts, rows, bodies, points, island, middle)
         if changed > 0 and passes < PASSES:
             take_impulses(islands, bodies, island)
@@ -235,8 +367,24 @@ def close_positions(
         if worst <= CLOSED + ROUND * size and left <= BALANCED + ROUND * size:
             going = 0
         worst = wp.max(worst, left)
-        if first == last or count >= ITERATIONS or not (worst < real(1e100)):
+        if first == last or count >= ITERATIONS:
             going = 0
+        elif going == 1 and rank < SINGULAR and (count == TRIES or not (worst < real(1e3))):
+            # near a singular pose: without the rows that hardly act there, which are closed at the end
+            rank = SINGULAR
+            count += 1
+            stale = 1
+            before = real(1e300)
+            for i in range(first, last):
+                p = known(islands.part[known(i)])
+                for r in range(parts.rows[p]):
+                    k = known(EACH * p + r)
+                    rows.impulse[k] = real(0.0)
+                    if rows.mode[k] == MOTOR:
+                        rows.active[k] = 0
+            gather_impulses(islands, parts, rows, bodies, points, island, 0)
+            take_impulses(islands, bodies, island)
+            continue
         elif worst < real(1e-11) + ROUND * size * real(16.0) and worst > real(0.5) * before:
             going = 0  # round-off
         if going == 1:
@@ -245,20 +393,33 @@ def close_positions(
             before = worst
             count += 1
             if stale == 1:
-                factor_island(islands, parts, rows, bodies, points, m, island, middle, h)
+                factor_flight(islands, parts, rows, bodies, points, m, island, h, rank)
                 stale = 0
             solve_island(islands, m, island)
             take_newton_step(islands, parts, rows, bodies, m, island)
             if last > first and islands.point_start[island + 1] > islands.point_start[island]:
                 gather_impulses(islands, parts, rows, bodies, points, island, middle)
-    take_impulses(islands, bodies, island)  # what is left of the imbalance goes: momenta are kept to round-off
+    take_impulses(islands, bodies, island)  # what is left of the imbalance goes
     fly_island(islands, bodies, points, island, h)
+    if (
+        islands.paper == 0 and last > first
+    ):  # impulses act in the middle of the flight as it is: momenta are kept to round-off
+        for i in range(first, last):
+            p = known(islands.part[known(i)])
+            if parts.on[p] == 1:
+                evaluate(parts, rows, bodies, points, p, 1, 1)
+                middle_rows(parts, rows, bodies, p)
+        gather_impulses(islands, parts, rows, bodies, points, island, middle)
+        take_impulses(islands, bodies, island)
     for i in range(first, last):
         p = known(islands.part[known(i)])
         for r in range(parts.rows[p]):
             k = known(EACH * p + r)
             rows.line_mid[k] = rows.line[k]
             rows.t_mid[k] = rows.t_a[k]
+    worst = wp.max(worst, missed)
+    if worst > OPEN + ROUND * size and worst < real(1e100):
+        worst = close_at_end(islands, parts, rows, bodies, points, m, island, h)
     islands.iterations[island] = count
     islands.worst[island] = worst
     angle = real(0.0)

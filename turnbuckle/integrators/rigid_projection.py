@@ -6,7 +6,7 @@ from turnbuckle.constraints.joints.evaluate import MOTOR_TWIST, evaluate
 from turnbuckle.data.articulated import EACH, LIMIT, MOTOR, SOFT, Bodies, Islands, Parts, RowTable, TiedPoints
 from turnbuckle.data.state import GRAVITY, H
 from turnbuckle.integrators.rigid_rows import CHANGES, wanted_rate
-from turnbuckle.linalg.block_ldl import BlockMatrix
+from turnbuckle.linalg.block_ldl import RANK, BlockMatrix
 from turnbuckle.math.index import known
 from turnbuckle.math.rotation import turned_inertia
 from turnbuckle.math.types import real, vec3
@@ -135,7 +135,7 @@ def project_velocities(
         going = 0
         rounds += 1
         changed = int(0)  # rows with the wrong sign let go, those that would leave the domain act, motors saturate
-        factor_island(islands, parts, rows, bodies, points, m, island, 1, h)
+        factor_island(islands, parts, rows, bodies, points, m, island, 1, h, RANK)
         for _sweep in range(sweeps):  # the second takes out the round-off of the first
             clear_right_side(islands, m, island)
             for i in range(first, last):

@@ -10,7 +10,7 @@ from turnbuckle.math.types import real
 
 wp.set_module_options({"enable_backward": False})
 
-CLOSED = wp.constant(wp.float64(1e-12))  # [m or rad] a row may be left with; round-off of large coordinates is added
+CLOSED = wp.constant(wp.float64(2e-13))  # [m or rad] a row may be left with; round-off of large coordinates is added
 CHANGES = wp.constant(4)  # of a row's activity in a step before it stays on
 
 

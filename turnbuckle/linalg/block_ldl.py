@@ -16,7 +16,7 @@ from turnbuckle.math.types import real
 
 wp.set_module_options({"enable_backward": False})
 
-RANK = wp.constant(wp.float64(1e-11))  # of a row's own J M^-1 J^T: a pivot below it has no rank
+RANK = wp.constant(wp.float64(1e-11))  # of a row's own J M^-1 J^T: a pivot below it is round-off
 
 
 @wp.struct
@@ -47,8 +47,8 @@ def apart(m: BlockMatrix, k: int, r: int):
 
 
 @wp.func
-def factor_node(m: BlockMatrix, k: int):
-    """Eliminate node ``k``; returns the number of its rows dropped."""
+def factor_node(m: BlockMatrix, k: int, rank: real):
+    """Eliminate node ``k``; pivots below ``rank`` of their `scale` are dropped. Returns the number of rows dropped."""
     n = known(m.size[k])
     d = known(m.diagonal[k])
     s = known(m.scalar[k])
@@ -60,7 +60,7 @@ def factor_node(m: BlockMatrix, k: int):
             y = m.value[known(d + r * n + c)]
             pivot -= y * y * m.inverse[known(s + c)]
         scale = m.scale[known(s + r)]
-        if (scale > real(0.0) and pivot > -RANK * scale) or pivot == real(0.0):
+        if (scale > real(0.0) and pivot > -rank * scale) or pivot == real(0.0):
             m.inverse[known(s + r)] = real(0.0)
             dropped += 1
         else:

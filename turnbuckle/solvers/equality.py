@@ -209,7 +209,7 @@ def assemble_part(
 @wp.func
 def factor_island(
     islands: Islands, parts: Parts, rows: RowTable, bodies: Bodies, points: TiedPoints, m: BlockMatrix, island: int,
-    ahead: int, h: real,
+    ahead: int, h: real, rank: real,
 ):  # fmt: skip
     """Assemble and factor the system of an island, at the end of the step (``ahead`` 1) or for its flight (2)."""
     assemble_masses(islands, bodies, points, m, island, ahead)
@@ -222,7 +222,7 @@ def factor_island(
         if ahead == 2:
             stiffen_part(parts, rows, bodies, m, islands.node_of, p, h)
     for k in range(islands.node[island], islands.node[island + 1]):
-        factor_node(m, k)
+        factor_node(m, k, rank)
     for i in range(islands.part_start[island], islands.part_start[island + 1]):
         p = known(islands.part[known(i)])
         s = m.scalar[known(parts.node[p])]

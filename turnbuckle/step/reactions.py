@@ -43,8 +43,6 @@ def reactions(model: Model, state: State, articulated: Any) -> tuple[np.ndarray,
     bias = (ends[0] - ends[1]) / (2.0 * h)
     rate = _rates(state, (line, t_a, t_b), now["v"], now["w"])
     which = _acting(state, system, now, rate)
-    if not which.any():
-        return np.zeros((n, 3)), np.zeros((n, 3))
     articulated.loads(state.rigid, state.time)
     free = _free_accelerations(model, state, now)
     multipliers = np.zeros(ROWS * n)
@@ -189,6 +187,8 @@ def _tied(state: State, articulated: Any, q: np.ndarray) -> np.ndarray:
 
 def _least(s: sp.csr_array, right: np.ndarray) -> np.ndarray:
     """A solution of ``s y = right``, the least where there are many."""
+    if s.shape[0] == 0:
+        return right
     if s.shape[0] <= DENSE:
         return np.linalg.lstsq(s.toarray(), right, rcond=1e-11)[0]
     try:

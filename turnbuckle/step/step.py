@@ -36,7 +36,7 @@ from turnbuckle.step.recording import Scratch, StepRecorder
 TIED = 1e-12  # [m] what points held together with joints, in one system, may miss by on top
 TOLERANCE = 1e-12  # of the scene's size: what a constraint may miss by in a step that is "ok"
 NEWTON_LEFT = 1e-9  # of the scene's size: what the last Newton iteration may move a point by in a step that is "ok"
-HALVINGS = 12  # of a step that turns a body too far, at most
+HALVINGS = 6  # of a step that turns a body too far, at most
 ROUND_OFF = 64 * np.finfo(float).eps  # of the largest coordinate or speed: what floating point cannot resolve
 
 
