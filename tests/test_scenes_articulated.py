@@ -163,28 +163,36 @@ def test_snake_slides_right_swings_and_flies_back() -> None:
 def test_monocycle_turns_its_crank_without_slip() -> None:
     radius = 0.8
     simulation = Simulation(REGISTRY["monocycle"](radius=radius))
-    turned, slip = [0.0], [0.0]
-    before = [simulation.pose("wheel")]
+
+    def crank() -> Rotation:
+        body, wheel = (Rotation.from_quat(simulation.pose(name)[1]) for name in ("body", "wheel"))
+        return body.inv() * wheel
+
+    turned, slipped, rolled, before = [0.0], [0.0], [0.0], [crank()]
 
     def each(_: StepReport) -> None:
-        x, q = simulation.pose("wheel")
-        old_x, old_q = before[0]
-        turn = (Rotation.from_quat(q) * Rotation.from_quat(old_q).inv()).as_rotvec()
-        axle = Rotation.from_quat(q).apply([1.0, 0.0, 0.0])
-        about = float(turn @ axle)
-        turned[0] += about
-        slip[0] += abs(np.linalg.norm((x - old_x)[[0, 2]]) - radius * abs(about))
-        before[0] = x, q
+        now = crank()
+        turned[0] += float((now * before[0].inv()).as_rotvec()[0])
+        before[0] = now
+        # The point of the wheel that touches the floor does not move.
+        axle = Rotation.from_quat(simulation.pose("wheel")[1]).apply([1.0, 0.0, 0.0])
+        up = np.array([0.0, 1.0, 0.0]) - axle[1] * axle
+        v, w = simulation.velocity("wheel")
+        slipped[0] += float(np.linalg.norm(v - radius * np.cross(w, up / np.linalg.norm(up)))) * simulation.dt
+        rolled[0] += float(np.linalg.norm(v)) * simulation.dt
         upright = Rotation.from_quat(simulation.pose("body")[1]).apply([0.0, 1.0, 0.0])
         assert np.arccos(upright[1]) <= 0.066 + 1e-9
 
+    start = simulation.pose("wheel")[0]
     run(simulation, simulation.scene.definition.duration, each)
     assert turned[0] > 5 * 2.0 * np.pi
-    assert slip[0] < 0.01 * radius * turned[0]
+    assert slipped[0] < 1e-9 * rolled[0]
+    assert rolled[0] == pytest.approx(radius * turned[0], rel=0.01)
+    assert (simulation.pose("wheel")[0] - start)[2] > 25.0
 
 
 def test_ball_stays_on_the_tray() -> None:
-    simulation = Simulation(REGISTRY["otary"]())
+    simulation = Simulation(REGISTRY["otary"](soft=False, dt=1.0 / 240.0))
     places, heads = [], []
 
     def each(_: StepReport) -> None:
@@ -200,3 +208,11 @@ def test_ball_stays_on_the_tray() -> None:
     away = np.hypot(inside[:, 0], inside[:, 2])
     assert away.max() <= 0.38 - 0.065 + 1e-9 and away.max() > 0.1  # it rolls about
     assert np.ptp(heads, axis=0).max() > 0.1  # the otary moves
+
+
+@pytest.mark.parametrize("name", ["snake", "otary", "puppet"])
+def test_coats_hold_on_their_kernels(name: str) -> None:
+    simulation = Simulation(REGISTRY[name]())
+    start = simulation.positions().copy()
+    run(simulation, 60 * simulation.dt)
+    assert np.linalg.norm(simulation.positions() - start, axis=1).max() > 1e-3

@@ -67,10 +67,10 @@ def otary(
     def wave(size: float, rate: float) -> str:
         return f"{size * strength!r} * sin({rate!r} * t)"
 
-    nod = [wave(6.0, 2.1), wave(16.0, 1.7), wave(24.0, 3.1)]
-    scene.add_force("nod", body="head", expression=[wave(30.0, 2.6), 0.0, wave(20.0, 1.9)], torque=nod)
+    nod = [wave(20.0, 2.1), wave(60.0, 1.7), wave(150.0, 3.1)]
+    scene.add_force("nod", body="head", expression=[wave(120.0, 2.6), 0.0, wave(90.0, 1.9)], torque=nod)
     wag = [wave(3.0, 2.3), wave(8.0, 3.7), wave(6.0, 4.3)]
-    scene.add_force("wag", body="tail", expression=[0.0, wave(40.0, 4.1), wave(50.0, 5.3)], torque=wag)
+    scene.add_force("wag", body="tail", expression=[0.0, wave(90.0, 4.1), wave(100.0, 5.3)], torque=wag)
     return scene
 
 
@@ -141,7 +141,7 @@ def _add_tray(scene: Scene, radius: float, level: float) -> None:
     """The tray on the nose, kept almost horizontal."""
     top, up = np.array([0.0, 0.5 * TRAY_THICKNESS, 0.0]), [0.0, 1.0, 0.0]
     plate = {"cylinder": {"radius": radius, "length": TRAY_THICKNESS}, "rotation": [0.5 * math.pi, 0.0, 0.0]}
-    tip = NOSE + [0.03, 0.065, 0.0]
+    tip = NOSE + [0.05, 0.08, 0.0]
     scene.add_rigid("tray", parts=[plate], mass=0.8, position=tip + top, color=[0.78, 0.62, 0.25])
     scene.add_joint("ball", "nose", body0="head", body1="tray", anchor=tip)
     scene.add_joint("joint", "tray_level", body1="tray", angle={"axis0": up, "axis1": up, "max": level})
@@ -170,9 +170,9 @@ def _add_muscles(scene: Scene) -> None:
     }
     ahead = np.array([0.0, 0.0, 1.0])  # along every part, in its own frame
     for name, first, second, stiffness in (
-        ("back", None, "body", 900.0),
-        ("nape", "body", "head", 350.0),
-        ("loin", "body", "tail", 120.0),
+        ("back", None, "body", 4000.0),
+        ("nape", "body", "head", 1500.0),
+        ("loin", "body", "tail", 250.0),
     ):
         axis0 = frames[second].apply(ahead)
         if first is not None:

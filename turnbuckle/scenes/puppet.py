@@ -22,7 +22,7 @@ for _side, _sign in (("left", 1.0), ("right", -1.0)):
     }
 # Where strings hold the puppet: bone, place in the world at the start, place on the bar.
 STRINGS = {
-    "head": ("head", (0.0, 0.0, 1.25), (0.0, 0.0)),
+    "head": ("head", (0.0, 0.0, 1.2), (0.0, 0.0)),
     "left_hand": ("left_forearm", (0.33, 0.12, 0.55), (0.33, 0.12)),
     "right_hand": ("right_forearm", (-0.33, 0.12, 0.55), (-0.33, 0.12)),
     "left_knee": ("left_thigh", (0.09, 0.05, 0.28), (0.16, 0.25)),
