@@ -57,6 +57,15 @@ class Articulated:
         """Under the displacement solver no part acts in the kernels."""
         self.system.parts.on.zero_()
 
+    def drive(self) -> None:
+        """Tell the device the targets of motors."""
+        if hasattr(self, "system") and self.system.joint_parts == self.state.parts.count:
+            targets = self.system.parts.target.numpy()
+            targets[: self.state.parts.count] = self.state.parts.target
+            self.system.parts.target.assign(targets)
+            if self.displacement is not None:
+                self.displacement.prepare()
+
     # Around a step -------------------------------------------------------------------------------------------------
 
     def prepare(self, dt: float) -> None:
@@ -225,11 +234,7 @@ class Articulated:
         report.momentum_error = (max(report.momentum_error[0], linear), max(report.momentum_error[1], angular))
         if state.parts.count == 0:
             return
-        values = self.certificate.read()
-        if self.search.parts:
-            values[0, self.search.numbers] = np.maximum(
-                values[0, self.search.numbers], self.search.residuals(self.ahead)
-            )
+        values = self._measured(self.ahead)
         if any(j.acting for j in state.joints.values()):
             report.active["joint"] = sum(j.acting for j in state.joints.values())
             worst = values.max(axis=1)
@@ -243,8 +248,17 @@ class Articulated:
                 self._name_worst(report, values, allowed)
 
     def residuals(self) -> np.ndarray:
-        """[m], [rad], [m/s], [rad/s] of each part after the last step, shape (4, parts)."""
-        return self.certificate.read()
+        """[m], [rad], [m/s], [rad/s] of each part after the last step, shape (4, parts); 0 where none was taken yet."""
+        if not hasattr(self, "system") or self.system.joint_parts != self.state.parts.count:
+            return np.zeros((4, self.state.parts.count))
+        return self._measured(self.state.rigid)[:, : self.state.parts.count]
+
+    def _measured(self, at: RigidState) -> np.ndarray:
+        values = self.certificate.read()
+        if self.search.parts:
+            here = self.search.numbers
+            values[0, here] = np.maximum(values[0, here], self.search.residuals(at))
+        return values
 
     def _name_worst(self, report: StepReport, values: np.ndarray, allowed: float) -> None:
         names = {int(p): j.name for j in self.state.joints.values() for p in j.parts}
