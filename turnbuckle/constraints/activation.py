@@ -157,8 +157,10 @@ def retarget(state: State, name: str, goal: Goal, moving: bool) -> None:
 
 def find_group(state: State, name: str) -> Group:
     """The group ``name``, or a clear error."""
+    if name in state.joints:
+        raise InputError(f"'{name}' is a joint; a constraint on points is expected here")
     if name not in state.groups:
-        known = ", ".join(sorted(state.groups)) or "none"
+        known = ", ".join(sorted([*state.groups, *state.joints])) or "none"
         raise InputError(f"there is no constraint '{name}'; known are: {known}")
     return state.groups[name]
 

@@ -39,7 +39,7 @@ def add_constraints(model: Model, state: State, definitions: Sequence[Constraint
 
 def add_constraint(model: Model, state: State, definition: ConstraintBase) -> None:
     """Add one constraint to a running simulation; selections and goals mean where points are now."""
-    if definition.name in state.groups:
+    if definition.name in state.groups or definition.name in state.joints:
         raise InputError(f"there is a constraint '{definition.name}' already; remove it or take another name")
     add_constraints(model, state, [definition])
 

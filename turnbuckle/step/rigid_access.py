@@ -62,6 +62,19 @@ def write_push(model: Model, state: State, b: int, force: Any, torque: Any, at: 
     state.stale = True
 
 
+def write_target(state: State, joint: Joint, value: Any) -> None:
+    """Give the motor of a joint another target: a rate [m/s or rad/s], or a place or angle [m or rad]."""
+    motors = joint.parts[np.isin(state.parts.kind[joint.parts], (rigid.MOTOR_AXIAL, rigid.MOTOR_TWIST))]
+    if len(motors) == 0:
+        raise InputError(f"joint '{joint.name}' has no motor; give it one where it is defined")
+    number = np.asarray(value, dtype=object)
+    if number.shape != () or isinstance(value, bool) or not isinstance(value, int | float | np.number):
+        raise InputError(f"joint '{joint.name}': the target of its motor must be one number, got {value!r}")
+    if not np.isfinite(value):
+        raise InputError(f"joint '{joint.name}': the target of its motor is not finite: {value}")
+    state.parts.target[motors] = value
+
+
 def _write(array: Any, b: int, value: np.ndarray) -> None:
     values = array.numpy()
     values[b] = value

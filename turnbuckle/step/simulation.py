@@ -19,7 +19,14 @@ from turnbuckle.scene.definitions import BodyPairDef, KeyframesDef
 from turnbuckle.scene.scene import CONSTRAINTS, Scene
 from turnbuckle.scene.validation import validate
 from turnbuckle.step.reactions import reactions
-from turnbuckle.step.rigid_access import read_coordinates, read_pose, write_pose, write_push, write_velocity
+from turnbuckle.step.rigid_access import (
+    read_coordinates,
+    read_pose,
+    write_pose,
+    write_push,
+    write_target,
+    write_velocity,
+)
 from turnbuckle.step.step import Stepper
 
 
@@ -141,8 +148,11 @@ class Simulation:
         its end (RK4, Newmark); between them lies a difference of order dt.
 
         Shape (rows, 3): on the point of a nail or velocity goal, on the point that is attached or slides (its element
-        takes the opposite). For points to point (points, 3): on every point, row after row.
+        takes the opposite). For points to point (points, 3): on every point, row after row. For a joint (1, 3): the
+        force of `reaction`, on its body1, which belongs to the committed state.
         """
+        if constraint in self.state.joints:
+            return self.reaction(constraint)[0][None]
         group = find_group(self.state, constraint)
         table = getattr(self.state.tables, group.kind)
         if isinstance(table, Joins):
@@ -151,22 +161,37 @@ class Simulation:
         return table.force.numpy()[group.rows].copy()
 
     def residuals(self, constraint: str) -> np.ndarray:
-        """Position residuals [m] of the rows of a constraint after the last step, shape (rows,)."""
+        """Position residuals [m] of the rows of a constraint after the last step, shape (rows,).
+
+        For a joint (2,), those of `joint_residual`: [m] and [rad].
+        """
+        if constraint in self.state.joints:
+            return np.array(self.joint_residual(constraint))
         group = find_group(self.state, constraint)
         return np.sqrt(getattr(self.state.tables, group.kind).position_residual.numpy()[group.rows])
 
     # Changing between two steps -----------------------------------------------------------------------------------
 
     def switch(self, constraint: str, on: bool) -> None:
-        """Switch a constraint on or off from the next step. Raises `ConflictError` when one of its points is taken."""
+        """Switch a constraint or joint on or off from the next step; what has broken stays off.
+
+        Raises `ConflictError` when one of its points is taken.
+        """
         if constraint in self.state.joints:
             self.state.joints[constraint].enabled = on
-            self.state.joints[constraint].broken &= not on
             return
         switch(self.model, self.state, constraint, on)
 
     def retarget(self, constraint: str, goal: Any) -> None:
-        """Give a nail or velocity goal another goal, written as in `Scene.add_constraint`. A ramp starts anew."""
+        """Give a nail or velocity goal another goal, written as in `Scene.add_constraint`. A ramp starts anew.
+
+        For a joint with a motor the goal is one number: the wanted rate [m/s or rad/s], or the wanted place or angle
+        [m or rad], whichever its motor was defined with.
+        """
+        if constraint in self.state.joints:
+            write_target(self.state, self.state.joints[constraint], goal)
+            self.stepper.articulated.drive()
+            return
         group = find_group(self.state, constraint)
         if isinstance(goal, Mapping):
             goal = validate(KeyframesDef, goal, f"goal of '{constraint}'", {"folder": self.scene.folder})
@@ -187,6 +212,7 @@ class Simulation:
         item = validate(CONSTRAINTS[type], {"name": name, **fields}, f"{type} '{name}'", {"folder": self.scene.folder})
         if isinstance(item, BodyPairDef):
             add_joints(self.model, self.state, [item], self.scene.folder)
+            self.state.joints[name].live = True
         else:
             add_constraint(self.model, self.state, item)
 
