@@ -16,7 +16,8 @@ from turnbuckle.solvers.displacement.ties import PointTies
 
 
 def solve(m: Mechanism, more: dict | None = None, **options) -> DisplacementResult:
-    return displace(m.bodies(), m.parts(), m.joints, *m.poses(), DisplacementOptions(**options), **(more or {}))
+    options = DisplacementOptions(**{"stop": "gaps", **options})
+    return displace(m.bodies(), m.parts(), m.joints, *m.poses(), options, **(more or {}))
 
 
 def pair(gap=(0.02, -0.01, 0.03), heavy: float = 3.0) -> Mechanism:
@@ -306,7 +307,9 @@ def test_rolling_turns_the_wheel_by_the_way_it_goes() -> None:
     m.joint(1, 0, {"kind": rigid.ROLLING, "hi": 0.5, "lo": 0.0, "q_a": along((0, 1, 0)), "q_b": along((0, 0, 1))})
     x0, q0 = m.poses()
     x1 = x0 + [[0, 0, 0], [0.1, 0.0, -0.02]]
-    result = displace(m.bodies(), m.parts(), m.joints, x1, q0, DisplacementOptions(tolerance=1e-12), start=(x0, q0))
+    result = displace(
+        m.bodies(), m.parts(), m.joints, x1, q0, DisplacementOptions(tolerance=1e-12, stop="gaps"), start=(x0, q0)
+    )
     assert result.converged
     way, turn = result.x[1] - x0[1], logarithm(result.q[1:2])[0]
     assert way[2] == pytest.approx(0.0, abs=1e-11) and 0.0 < way[0] < 0.1
@@ -354,3 +357,18 @@ def test_rotation_of_an_iteration_is_limited() -> None:
     m.joint(1, 0, ball((0.5, 0, 0), (0.5, 3.0, 0)))
     result = solve(m, max_iterations=1, max_rotation=0.2, alpha=1.0)
     assert np.linalg.norm(logarithm(result.q[1:2])) == pytest.approx(0.2, abs=1e-12)
+
+
+def test_it_stops_by_the_corrections_of_each_joint() -> None:
+    """The letter of 2.2: a star of many arms is left open by more than its weighted corrections."""
+    m = Mechanism()
+    hub = m.body((0.0, 0, 0), mass=50.0)
+    for angle in np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False):
+        m.joint(m.body((np.cos(angle), np.sin(angle), 0.1)), hub, ball())
+    result = solve(m, stop="corrections", tolerance=1e-3)
+    assert result.converged and 2e-3 < result.gap.max() < 1.3e-2
+    opposite = Mechanism()
+    opposite.body((0.0, 0, 0))
+    opposite.joint(1, 0, ball((0.0, 0, 0), (-1.0, 0, 0)))
+    opposite.joint(1, 0, ball((0.0, 0, 0), (1.0, 0, 0)))
+    assert not solve(opposite, stop="corrections", max_iterations=50).converged

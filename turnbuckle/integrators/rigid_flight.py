@@ -429,9 +429,13 @@ def close_positions(
         if islands.paper == 0:
             bodies.w1[b] = turned_inertia(bodies.q1[b], bodies.inverse_inertia[b], bodies.momentum[b])
     islands.angle[island] = angle
+    # Tied points take the impulses of both halves now; their velocities are those of the end of the step, by the forces of its
+    # start: where the scheme remembers w and v lags, w* + (w* - v*), else v* as it is.
     for i in range(islands.point_start[island], islands.point_start[island + 1]):
         k = known(islands.point[known(i)])
         j = points.point[k]
-        dv = points.push[k] / points.mass[k]
+        dv = points.push[k] * (real(2 - islands.paper) / points.mass[k])
+        if points.remembers == 1:
+            points.v[j] = points.memory[j] * real(2.0) - points.v[j]
         points.v[j] = points.v[j] + dv
         points.memory[j] = points.memory[j] + dv

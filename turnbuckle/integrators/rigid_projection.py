@@ -101,9 +101,6 @@ def project_velocities(
     twice = real(1 - islands.paper)  # impulses of the position stage act in this half too
     for i in range(islands.point_start[island], islands.point_start[island + 1]):
         k = known(islands.point[known(i)])
-        dv = points.push[k] * (twice / points.mass[k])
-        points.v[points.point[k]] = points.v[points.point[k]] + dv
-        points.memory[points.point[k]] = points.memory[points.point[k]] + dv
         points.push[k] = vec3()
     for i in range(first, last):
         p = known(islands.part[known(i)])

@@ -55,7 +55,11 @@ class Closer:
     def _displacement(self, bodies: RigidBodies, tolerance: float, iterations: int) -> Displacement:
         made = self._made
         options = DisplacementOptions(
-            tolerance=tolerance, max_iterations=iterations, max_rotation=self._max_rotation, mobility=self._mode
+            tolerance=tolerance,
+            stop="gaps",
+            max_iterations=iterations,
+            max_rotation=self._max_rotation,
+            mobility=self._mode,
         )  # type: ignore[arg-type]
         return Displacement(
             bodies, made.parts, made.joints, options, acting=acting(made.joints), domains=made.domains, ties=made.ties

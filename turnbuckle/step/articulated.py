@@ -11,6 +11,7 @@ from turnbuckle.data.rigid import ROWS, RigidState
 from turnbuckle.data.state import H, State
 from turnbuckle.data.tables import TIED
 from turnbuckle.geometry.quaternions import rotate
+from turnbuckle.integrators import SCHEMES
 from turnbuckle.integrators.rigid_flight import close_positions
 from turnbuckle.integrators.rigid_points import place_points, remember_points
 from turnbuckle.integrators.rigid_projection import project_velocities
@@ -153,7 +154,7 @@ class Articulated:
         """Record the flight of all bodies to poses that close all joints, and where their points are then."""
         s = self.system
         bodies = s.bodies(self.state.rigid, self.ahead, self.state.rigid)
-        tied = s.tied_points(x, v, memory)
+        tied = s.tied_points(x, v, memory, SCHEMES[self.model.integrator].velocity_memory)
         if len(s.tied):
             p.launch(remember_points, len(s.tied), [tied])
             p.barrier()
@@ -177,7 +178,7 @@ class Articulated:
         bodies = s.bodies(self.state.rigid, self.ahead, self.ahead)
         ahead = self.ahead
         p.host(lambda: self._loads_ahead(ahead))
-        tied = s.tied_points(x, v, memory)
+        tied = s.tied_points(x, v, memory, SCHEMES[self.model.integrator].velocity_memory)
         p.launch(
             project_velocities, s.island_count, [params, s.islands, bodies, tied, s.parts, s.row_table, s.matrix], GRAIN
         )

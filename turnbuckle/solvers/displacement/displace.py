@@ -12,6 +12,10 @@ diverges. Without a number, the pull f that takes the place of ``alpha g`` is fo
 of (13) after both are applied, one joint alone closes in one iteration and keeps its angular momentum to first order,
 and chains converge. In scheme two (19) then closes all that is left.
 
+It stops when the weighted corrections of every joint are within the tolerance (2.2). They are looked at one by one, not
+summed on the bodies: where joints contradict each other the sums vanish, and nothing would be said. What the joints are
+still open by is in the result.
+
 Angles and twists: a joint turns a and b by ``J_a^-1 L`` and ``-J_b^-1 L``, which keeps angular momentum.
 """
 
@@ -91,8 +95,8 @@ class Displacement:
             w_tie = 1.0 / np.maximum(most, 1)
         k, shape = len(joints), (total, 2 * len(joints) + len(units))
         columns = np.arange(shape[1])
-        values = np.concatenate([w_joint, w_joint, w_tie[rows]])
-        self._sum = sparse.csr_array((values, (np.concatenate([a, b, units]), columns)), shape=shape)
+        self._weight = np.concatenate([w_joint, w_joint, w_tie[rows]])
+        self._sum = sparse.csr_array((self._weight, (np.concatenate([a, b, units]), columns)), shape=shape)
         placed = self.conditions.joint[self.conditions.placed]
         share = np.bincount(placed, minlength=k)[placed]
         self._a, self._b, self._placed = a, b, placed
@@ -107,7 +111,7 @@ class Displacement:
         start: tuple[np.ndarray, np.ndarray] | None = None,
         watch: Callable[[Poses, float], None] | None = None,
     ) -> DisplacementResult:
-        """Move bodies x (n, 3), q (n, 4) and mass points (m, 3) until all gaps are within the tolerance.
+        """Move bodies x (n, 3), q (n, 4) and mass points (m, 3) until all corrections are within the tolerance.
 
         ``start``: x and q at the start of the step, needed by rolling. ``watch`` is called after each iteration with
         the poses and the largest gap before it.
@@ -116,7 +120,7 @@ class Displacement:
         poses = Poses(np.array(x, dtype=float), np.array(q, dtype=float))
         begin = None if start is None else Poses(*start)
         points = np.zeros((0, 3)) if points is None else np.array(points, dtype=float)
-        units, k = self.count + len(points), len(self.names)
+        units, k, stop = self.count + len(points), len(self.names), getattr(options, "stop", "corrections")
         share = np.concatenate([self.mobility.share_a, self.mobility.share_b])
         history: list[float] = []
         stuck = False
@@ -128,11 +132,19 @@ class Displacement:
             turns, pull, angle = self._turning.of_joints(poses, p, gap, self._placed, self._part)
             largest = max(norm(gap).max(initial=0.0), norm(missing).max(initial=0.0), angle.max(initial=0.0))
             history.append(float(largest))
-            converged = largest <= options.tolerance
+            tie_turns, tie_pull = self._turning.of_ties(poses, places, missing, ties, options.alpha)
+            turns = np.concatenate([turns, tie_turns])
+            measured = largest
+            if stop == "corrections":
+                joint_gap = np.zeros(k)
+                np.maximum.at(joint_gap, self._placed, norm(gap))
+                tie_share = np.abs(ties.share) * norm(missing)[ties.row]
+                moves = np.concatenate([share * np.tile(joint_gap, 2), tie_share])
+                measured = float((self._weight * np.maximum(moves, norm(turns))).max(initial=0.0))
+            converged = measured <= options.tolerance
             if converged or stuck or iteration >= options.max_iterations or not np.isfinite(largest):
                 break
-            tie_turns, tie_pull = self._turning.of_ties(poses, places, missing, ties, options.alpha)
-            rotation = (self._sum @ np.concatenate([turns, tie_turns]))[: self.count]
+            rotation = (self._sum @ turns)[: self.count]
             rotation = _limited(rotation, options.max_rotation)
             poses = Poses(poses.x, multiply(exponential(rotation), poses.q))
             if options.scheme == 2:

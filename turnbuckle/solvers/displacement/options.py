@@ -18,6 +18,7 @@ class DisplacementOptions:
     alpha: float | None = None  # factor on m1 m2 / (m1 + m2); None: the one that suits each gap, see `displace`
     weights: Literal["max", "sum"] = "max"
     tolerance: float = 1e-6  # [m or rad]
+    stop: Literal["corrections", "gaps"] = "corrections"  # what has to be within it
     max_iterations: int = 200
     on_limit: Literal["continue", "stop"] = "continue"
     mobility: Literal["physical", "user_parameter"] = "physical"
@@ -36,7 +37,7 @@ class DisplacementResult:
     names: list[str]  # (k,) joints, then ties
     gap: np.ndarray  # (k,) [m], largest of each
     angle: np.ndarray  # (k,) [rad]
-    history: list[float] = field(default_factory=list)  # largest gap before each iteration [m or rad]
+    history: list[float] = field(default_factory=list)  # largest gap before each iteration and at the end [m or rad]
 
     @property
     def poses(self) -> Poses:
