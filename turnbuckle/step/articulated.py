@@ -10,7 +10,7 @@ from turnbuckle.data.report import StepReport
 from turnbuckle.data.rigid import ROWS, RigidState
 from turnbuckle.data.state import H, State
 from turnbuckle.data.tables import TIED
-from turnbuckle.geometry.quaternions import rotate
+from turnbuckle.geometry.quaternions import cross, rotate
 from turnbuckle.integrators import SCHEMES
 from turnbuckle.integrators.rigid_flight import close_positions
 from turnbuckle.integrators.rigid_points import place_points, remember_points
@@ -19,7 +19,7 @@ from turnbuckle.step.articulated_system import System
 from turnbuckle.step.displacement_stage import DisplacementStage
 from turnbuckle.step.domain_search import DomainSearch
 from turnbuckle.step.joint_certificate import JointCertificate
-from turnbuckle.step.rigid_measures import rigid_energies, rigid_momentum
+from turnbuckle.step.rigid_measures import RigidMeasures
 from turnbuckle.step.row_forces import write_row_forces
 
 TOLERANCE = 1e-10  # [m, rad, m/s, rad/s]: what a joint may miss by in a step that is "ok"
@@ -41,6 +41,7 @@ class Articulated:
         self.system = System(self.model, self.state)
         self.certificate = JointCertificate(self.state, self.model.device)
         self.search = DomainSearch(self.state, self.system)
+        self.measures = RigidMeasures(self.model, self.state, self.system)
         self.displacement = None
         if self.model.solver == "displacement":
             self.displacement = DisplacementStage(self.model, self.state, self.system)
@@ -75,7 +76,7 @@ class Articulated:
         table = system.row_table
         self._before = [(a, host(a).copy()) for a in (table.impulse, table.impulse1, table.active)]
         warm = dt / state.dt if state.dt > 0.0 else 0.0
-        system.islands.warm.fill_(warm)
+        _write(system.islands.warm, np.array([warm]))
         trajectories = self.model.rigid.trajectories
         if trajectories:
             self._script(state.time + dt)
@@ -101,23 +102,23 @@ class Articulated:
     def loads(self, at: RigidState, time: float) -> None:
         """All loads but gravity, written into ``at`` [N, N m]; raises FloatingPointError when one is not finite."""
         bodies, pushes = self.model.rigid, self.state.loads
-        x, q, v, w = (getattr(at, name).numpy() for name in "xqvw")
+        x, q, v, w = (host(getattr(at, name)) for name in "xqvw")
         force, torque = pushes.force.copy(), pushes.torque.copy()
-        torque += np.cross(rotate(q, pushes.at), pushes.force)
+        torque += cross(rotate(q, pushes.at), pushes.force)
         for f in self.model.rigid_fields:
             b = f.bodies
             arm = rotate(q[b], f.at)
-            given = (x[b] + arm, v[b] + np.cross(w[b], arm), time, bodies.mass[b])
+            given = (x[b] + arm, v[b] + cross(w[b], arm), time, bodies.mass[b])
             value = np.asarray(f.force(*given), dtype=float)  # type: ignore[operator]
             turn = np.zeros_like(value) if f.torque is None else np.asarray(f.torque(*given), dtype=float)  # type: ignore[operator]
             if value.shape != (len(b), 3) or turn.shape != (len(b), 3):
                 raise FloatingPointError(f"force '{f.name}' gave shape {value.shape}, expected ({len(b)}, 3)")
             if not (np.isfinite(value).all() and np.isfinite(turn).all()):
                 raise FloatingPointError(f"force '{f.name}' is not finite at t = {time:g} s on '{bodies.names[b[0]]}'")
-            np.add.at(force, b, value)
-            np.add.at(torque, b, turn + np.cross(arm, value))
-        at.force.assign(force)
-        at.torque.assign(torque)
+            force[b] += value  # a field names each body once
+            torque[b] += turn + cross(arm, value)
+        _write(at.force, force)
+        _write(at.torque, torque)
 
     @property
     def loaded(self) -> bool:
@@ -185,6 +186,8 @@ class Articulated:
         p.barrier()
         self._record_points(p, bodies, x, v)
         self.certificate.record(p, s.acting, s.parts, bodies)
+        start = s.bodies(self.state.rigid, ahead, self.state.rigid)
+        self.measures.record(p, params, start, ahead)
 
     def _loads_ahead(self, ahead: RigidState) -> None:
         if self.loaded:
@@ -221,17 +224,16 @@ class Articulated:
 
     def report(self, report: StepReport, dt: float, size: float) -> None:
         """Residuals, energies, momentum and iterations of the step that ends at ``ahead``."""
-        model, state, system = self.model, self.state, self.system
+        state, system = self.state, self.system
         if self.displacement is None:
             report.iterations["equality"] = int(host(system.islands.iterations).max())
         elif self.displacement.result is not None:
             report.iterations["displacement"] = self.displacement.result.iterations
             if not self.displacement.result.converged:
                 report.messages.append(self.displacement.result.warning())
-        energies = rigid_energies(model, state, self.ahead)
+        energies, (linear, angular) = self.measures.read(self.ahead)
         for name, value in energies.items():
             report.energies[name] = report.energies.get(name, 0.0) + value
-        linear, angular = rigid_momentum(model, state, system, state.rigid, self.ahead, dt)
         report.momentum_error = (max(report.momentum_error[0], linear), max(report.momentum_error[1], angular))
         if state.parts.count == 0:
             return
@@ -313,8 +315,8 @@ class Articulated:
             if wanted != joint.acting:
                 joint.acting = wanted
                 changed = True
-        if changed and hasattr(self, "system"):
-            self._switch_parts()
+        if changed and hasattr(self, "system") and self.system.joint_parts == state.parts.count:
+            self._switch_parts()  # else all follows soon
 
     def _switch_parts(self) -> None:
         """Tell the device which parts act; under the displacement solver its kernels close none."""
@@ -325,6 +327,13 @@ class Articulated:
             self.system.parts.on.assign(on)
         else:
             self.displacement.prepare()
+
+
+def _write(array: wp.array, values: np.ndarray) -> None:
+    if array.device.is_cpu:
+        host(array)[:] = values
+    else:
+        array.assign(values)
 
 
 def _product(p: np.ndarray, q: np.ndarray) -> np.ndarray:
