@@ -81,7 +81,10 @@ class Articulated:
         if trajectories:
             self._script(state.time + dt)
         if self.moving_ties:
-            system.aim(system.parts, constraint_rows.collect(state, dt, TIED))
+            goals = constraint_rows.collect(state, dt, TIED)
+            system.aim(system.parts, goals)
+            if self.displacement is not None:
+                self.displacement.aim(goals.target)
 
     def _script(self, t: float) -> None:
         bodies, ahead = self.model.rigid, self.ahead

@@ -60,6 +60,10 @@ class DisplacementStage:
             point_mass=model.mass[system.tied],
         )  # fmt: skip
 
+    def aim(self, target: np.ndarray) -> None:
+        """Goals of ties at the end of the step (rows, 3) [m]."""
+        self.solver.ties.ties.target = target
+
     def correct(self, now: RigidState, ahead: RigidState, x: wp.array, v: wp.array, memory: wp.array, h: float) -> None:
         """Correct the free flight from ``now`` to ``ahead``, and the tied mass points in ``x``, ``v``.
 
