@@ -10,6 +10,7 @@ import numpy as np
 from turnbuckle.data.groups import Group
 from turnbuckle.data.model import Model
 from turnbuckle.data.state import State
+from turnbuckle.scene.check_rigid import moving_mass, rigid_counts, rigid_warnings
 from turnbuckle.scene.joint_limits import idle_limit_warnings
 from turnbuckle.scene.scene import Scene
 from turnbuckle.scene.stability import step_warning
@@ -28,7 +29,7 @@ class Inspection:
 
 
 def check(scene: Scene) -> list[str]:
-    """Warnings, one sentence each: step too large, weights outside [0, 1], conflicts. Raises `InputError`."""
+    """Warnings, one sentence each: step too large, weights outside [0, 1], conflicts, open joints. Raises `InputError`."""
     return inspect_scene(scene).warnings
 
 
@@ -44,6 +45,7 @@ def inspect_scene(scene: Scene) -> Inspection:
     warnings += far_warnings(model, state)
     warnings += domain_warnings(state)
     warnings += idle_limit_warnings(definition)
+    warnings += rigid_warnings(model, state)
     return Inspection(counts(scene, model, state), warnings)
 
 
@@ -58,13 +60,14 @@ def counts(scene: Scene, model: Model, state: State) -> list[tuple[str, str]]:
         ("springs", str(len(model.springs.pairs))),
         ("tetrahedra", str(len(model.tetrahedra.corners))),
         ("force fields", str(len(definition.forces))),
-        ("mass", f"{float(np.sum(model.mass)):.6g} kg"),
+        ("mass", f"{moving_mass(model):.6g} kg"),
+        *rigid_counts(model, state),
     ]
     for kind in state.tables.by_kind():
         count = sum(len(group.rows) for group in state.groups.values() if group.kind == kind)
         if count:
             rows.append((f"constraints: {kind}", str(count)))
-    if not state.groups:
+    if not state.groups and not state.joints:
         rows.append(("constraints", "0"))
     return rows
 

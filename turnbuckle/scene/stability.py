@@ -54,12 +54,14 @@ def energy_rows(model: Model, positions: np.ndarray) -> Rows:
     """The rows of a model at `positions` [m], shape (points, 3)."""
     springs, tets = model.springs, model.tetrahedra
     blocks, k, k_d = [], [], []
+    held = model.mass <= 0.0  # points of rigid bodies: no energy moves them
+    inverse_root = np.where(held, 0.0, 1.0 / np.sqrt(np.where(held, 1.0, model.mass)))
 
     def add(corners: np.ndarray, gradients: np.ndarray, stiffness: np.ndarray, damping: np.ndarray) -> None:
         count, size = corners.shape
         columns = (3 * corners[:, :, None].astype(np.int64) + np.arange(3)).reshape(count, 3 * size)
         starts = np.arange(0, 3 * size * count + 1, 3 * size)
-        scaled = gradients / np.sqrt(model.mass[corners])[:, :, None]
+        scaled = gradients * inverse_root[corners][:, :, None]
         shape = (count, 3 * len(model.mass))
         blocks.append(sp.csr_array((scaled.ravel(), columns.ravel(), starts), shape=shape))
         k.append(stiffness)
