@@ -8,8 +8,11 @@ import pytest
 from rich.console import Console
 
 from turnbuckle.benchmarks import REGISTRY
+from turnbuckle.benchmarks.chain import chain_table, measure_chain
+from turnbuckle.benchmarks.monocycle import ride, rides_table
 from turnbuckle.benchmarks.own import measure_curtain
 from turnbuckle.benchmarks.peers import launch
+from turnbuckle.benchmarks.peers.chain_protocol import ChainResult, ChainTask, worst_gap
 from turnbuckle.benchmarks.peers.launch import Peer, run_peer
 from turnbuckle.benchmarks.peers.protocol import DENSITY, Task, lumped_masses, simulate
 from turnbuckle.benchmarks.plot import figure_two, scaling
@@ -103,5 +106,28 @@ def test_plots_are_drawn(tmp_path: Path) -> None:
     assert (tmp_path / "a.png").stat().st_size > 10_000 and (tmp_path / "b.png").stat().st_size > 10_000
 
 
+def test_our_chain_swings_and_stays_closed() -> None:
+    own = measure_chain(10, seconds=0.0, least=30)
+    assert own.status == "ok" and 0.0 < own.gap <= 1e-10 and own.moved > 0.01
+    answer = ChainResult("opener", "0", 10, 30, 2.0 * own.ms_per_step, 0.01, 1.0, "not held")
+    table = chain_table([own], [answer, "nobody skipped: pip install nobody"])
+    assert table.rows[1][4] == pytest.approx(2.0) and "nobody skipped: pip install nobody" in table.notes
+
+
+def test_gap_of_a_chain_is_that_of_its_worst_joint() -> None:
+    ends, q = ChainTask(5, 0, 0.0).start()
+    x = 0.5 * (ends[1:] + ends[:-1])
+    assert worst_gap(x, q, ends[0], ends[-1]) < 1e-15
+    x[4] += [0.0, 0.03, 0.0]
+    assert worst_gap(x[:5], q, ends[0], ends[-1]) == pytest.approx(0.03)
+    assert worst_gap(x[:4], q[:4], ends[0], None) < 1e-15
+
+
+def test_ride_counts_iterations() -> None:
+    one = ride(2, seconds=0.2)
+    assert one.iterations.total() == 12 and max(one.iterations) < 200
+    assert rides_table([one]).rows[0][1] == sorted(one.iterations.elements())[5]
+
+
 def test_registry_names_what_can_be_measured() -> None:
-    assert set(REGISTRY) == {"curtain", "constraints", "scaling"}
+    assert set(REGISTRY) == {"curtain", "constraints", "scaling", "chain", "monocycle"}

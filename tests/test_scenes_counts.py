@@ -56,7 +56,11 @@ def test_self_assembly() -> None:
 
 @pytest.mark.parametrize("name", list(REGISTRY))
 def test_nothing_to_warn_of(name: str) -> None:
-    assert inspect_scene(REGISTRY[name]()).warnings == []
+    warnings = inspect_scene(REGISTRY[name]()).warnings
+    if name == "monocycle":  # Appendix A prints an angle of 9, more than pi, at the right ankle
+        assert len(warnings) == 1 and "right-foot" in warnings[0]
+    else:
+        assert warnings == []
 
 
 @pytest.mark.parametrize("name", list(REGISTRY))

@@ -51,10 +51,10 @@ def worst_gap(x: np.ndarray, q: np.ndarray, first: np.ndarray, last: np.ndarray 
     """Worst opening [m] of all joints: boxes at x (n, 3) turned by q (n, 4) xyzw; ends held at first and last (None: free)."""
     half = Rotation.from_quat(q).apply([0.5 * LENGTH, 0.0, 0.0])
     left, right = x - half, x + half
-    ends = [left[0] - first, *(right[:-1] - left[1:])]
+    ends = [left[:1] - first, right[:-1] - left[1:]]
     if last is not None:
-        ends.append(right[-1] - last)
-    return float(np.linalg.norm(ends, axis=1).max())
+        ends.append(right[-1:] - last)
+    return float(np.linalg.norm(np.concatenate(ends), axis=1).max())
 
 
 def task_from_arguments() -> ChainTask:
