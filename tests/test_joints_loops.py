@@ -29,13 +29,14 @@ def test_bricard_for_ten_seconds():
 
     def each(report):
         held(report)
-        drift.append(abs(system.energy(mechanism.state_of(simulation)) - start))
+        if round(simulation.time / 5e-3) % 10 == 0:
+            drift.append(abs(system.energy(mechanism.state_of(simulation)) - start))
 
-    for k, n in enumerate((250, 500)):
+    for k, n in enumerate((200, 400)):
         run(simulation, times[k] - (times[k - 1] if k else 0.0), n, each)
         x = np.array([p[0] for p in mechanism.places(simulation)])
         assert np.abs(x.ravel() - truth[k][:15]).max() < 5e-3 * (k + 1)
-    run(simulation, 7.0, 1750, each)
+    run(simulation, 7.0, 1400, each)
     assert max(drift) < 0.02  # of a swing of about 30 J
 
 
@@ -54,8 +55,18 @@ def test_bricard_is_of_second_order():
         assert math.log2(coarse / fine) == pytest.approx(2.0, abs=0.3), errors
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("n", [2, 10, 40])
+def test_many_windows_for_ten_seconds(n):
+    windows(n, 200)
+
+
 @pytest.mark.parametrize("n", [1, 3])
 def test_windows_through_their_singular_positions(n):
+    windows(n, 40)
+
+
+def windows(n: int, parts: int) -> None:
     """A02: all rods level lets n + 1 degrees of freedom in for an instant; the motion stays that of one pendulum."""
     mechanism = four_bar_windows(n)
     system = mechanism.system(rank=1e-6)
@@ -63,14 +74,14 @@ def test_windows_through_their_singular_positions(n):
     rate = np.sqrt(9.81 * ((n + 1) / 2 + n) / ((n + 1) / 3 + n))
     simulation = mechanism.simulation()
     time, worst = 0.0, 0.0
-    for _ in range(40):
+    for _ in range(parts):
         run(simulation, 0.05, 25, held)
         time += 0.05
         angle = rigid_forms.pendulum_over_the_top(time, np.sqrt(1.0 + 4.0 * rate**2), rate, start=np.pi)
         place = np.array([-0.5 * np.sin(angle), -0.5 * np.cos(angle), 0.0])
         worst = max(worst, np.linalg.norm(mechanism.places(simulation)[0][0] - place))
         assert abs(system.energy(mechanism.state_of(simulation)) - start) < 0.02 * (n + 1)
-    assert worst < 5e-3
+    assert worst < 1.5e-4 * parts
 
 
 def test_slider_crank_is_driven_by_its_motor():

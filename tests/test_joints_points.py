@@ -1,5 +1,7 @@
 """Point constraints take points of rigid bodies wherever they take mass points: exact, and two-way."""
 
+import itertools
+
 import numpy as np
 import pytest
 from laboratory import attach, join, nail, rope
@@ -55,51 +57,63 @@ def test_nailed_marker_is_a_ball_joint():
     assert forces[2] < 0.02 * np.linalg.norm(reaction) and forces[2] < 0.7 * forces[0]
 
 
-def momentum(simulation, names) -> tuple[np.ndarray, np.ndarray, float]:
-    """Linear and angular about the origin, of mass points and rigid bodies; sum of m |v|."""
+def momentum(simulation, names, v, speeds) -> tuple[np.ndarray, float]:
+    """Linear momentum of mass points with velocities ``v`` and boxes with ``speeds``, and the sum of m |v|."""
     model = simulation.model
-    x, v, m = simulation.positions(), simulation.velocities(), np.array(model.mass)
-    rigid = np.zeros(len(m), dtype=bool)
+    m = np.array(model.mass)
     for name in names:
         shape = model.shape(name)
-        rigid[shape.begin : shape.end] = True
-    p = np.where(rigid, 0.0, m)[:, None] * v
-    linear, angular, size = p.sum(0), np.cross(x, p).sum(0), np.linalg.norm(p, axis=1).sum()
-    for name in names:
-        r = matrix_of(simulation.pose(name)[1])
-        speed, w = simulation.velocity(name)
-        q = 1.5 * np.asarray(speed)
-        linear = linear + q
-        angular = angular + np.cross(simulation.center(name), q) + r @ FULL @ r.T @ w
-        size += np.linalg.norm(q)
-    return linear, angular, size
+        m[shape.begin : shape.end] = 0.0
+    p = m[:, None] * v
+    q = 1.5 * np.asarray(speeds)
+    return p.sum(0) + q.sum(0), np.linalg.norm(p, axis=1).sum() + np.linalg.norm(q, axis=1).sum()
 
 
 @pytest.mark.parametrize("integrator", ["verlet", "velocity_verlet", "rk4"])
 def test_rope_between_two_floating_boxes(integrator):
-    """Joined to a marker of each: closed to 1e-10, linear momentum to round-off under every scheme."""
-    away = np.array([0.0, 0.6, 0.0])
+    """Joined to a marker of each: closed to 1e-10; linear momentum to round-off under every scheme, by the way travelled.
+
+    (The velocities that the Verlet scheme reports lag behind by their definition, so that their sum is not constant.)
+    """
+    away, names, h = np.array([0.0, 0.6, 0.0]), ("one", "two"), 1e-3
     bodies = [
-        box("one", w_free := ZERO, velocity=[1.0, 0.0, 0.5], angular_velocity=[0.0, 1.0, 2.0]),
+        box("one", velocity=[1.0, 0.0, 0.5], angular_velocity=[0.0, 1.0, 2.0]),
         box("two", away, velocity=[-1.0, 0.0, 0.3]),
         rope("rope", np.linspace(CORNER, CORNER + away, 6), 0.4, 300.0, 0.2),
     ]
-    assert w_free is ZERO
     held = [join("first", ("one", 0), ("rope", 0)), join("last", ("two", 0), ("rope", 5))]
     simulation = scene(bodies, held, ZERO, integrator=integrator)
-    simulation.step(1e-3)
-    before = momentum(simulation, ("one", "two"))
+    simulation.step(h)
+    steps = []
     for _ in range(100):
-        report = simulation.step(1e-3)
+        x, centers = simulation.positions().copy(), [np.array(simulation.center(n)) for n in names]
+        report = simulation.step(h)
         assert report.status == "ok", report.messages
         assert report.position_residual["points_to_point"] < 1e-10
-        after = momentum(simulation, ("one", "two"))
-        assert np.linalg.norm(after[0] - before[0]) < 1e-12 * after[2]
-        before = after
+        assert report.momentum_error[0] < 1e-12
+        ways = [(simulation.center(n) - c) / h for n, c in zip(names, centers, strict=True)]
+        steps.append(momentum(simulation, names, (simulation.positions() - x) / h, ways))
+    for (before, size), (after, _) in itertools.pairwise(steps):
+        assert np.linalg.norm(after - before) < 1e-12 * size + 1e-15 / h  # and the round-off of places
     ends = simulation.positions("rope")
     assert marker(simulation, "one") == pytest.approx(ends[0], abs=1e-10)
     assert marker(simulation, "two") == pytest.approx(ends[-1], abs=1e-10)
     assert np.abs(simulation.velocity("two")[0] - [-1.0, 0.0, 0.3]).max() > 1e-2  # the rope has pulled
+
+
+@pytest.mark.parametrize("integrator", ["velocity_verlet", "rk4"])
+def test_rope_between_two_boxes_keeps_the_momentum_of_velocities(integrator):
+    bodies = [
+        box("one", velocity=[1.0, 0.0, 0.5], angular_velocity=[0.0, 1.0, 2.0]),
+        rope("rope", np.linspace(CORNER, CORNER + 0.6 * Y, 6), 0.4, 300.0, 0.2),
+    ]
+    simulation = scene(bodies, [join("first", ("one", 0), ("rope", 0))], ZERO, integrator=integrator)
+    before = None
+    for _ in range(50):
+        simulation.step(1e-3)
+        after, size = momentum(simulation, ("one",), simulation.velocities(), [simulation.velocity("one")[0]])
+        assert before is None or np.linalg.norm(after - before) < 1e-12 * size
+        before = after
 
 
 @pytest.mark.parametrize("integrator", ["verlet", "velocity_verlet", "midpoint"])
@@ -107,11 +121,11 @@ def test_box_hangs_on_a_rope_with_its_weight(integrator):
     """Nail, rope, box by its top: at rest the nail carries all, the joint the box alone, and nothing moves."""
     top = np.array([0.0, 0.0, 0.1])
     bodies = [
-        box("box", markers=[top], linear_damping=8.0, angular_damping=8.0),
+        box("box", markers=[top], linear_damping=12.0, angular_damping=12.0),
         rope("rope", np.linspace([0, 0, 0.5], top, 5), 0.2, 2e3, 2.0),
     ]
     simulation = scene(bodies, [nail("pin", "rope", 0), join("hook", ("rope", 4), ("box", 0))], integrator=integrator)
-    run(simulation, 4.0, 4000)
+    run(simulation, 2.5, 2500)
     assert simulation.forces("pin")[0] == pytest.approx([0, 0, 1.7 * 9.81], abs=1e-3)
     pulls = simulation.forces("hook")
     assert pulls.sum(0) == pytest.approx(ZERO, abs=1e-9)
@@ -204,5 +218,5 @@ def test_nail_that_moves_drags_a_box():
         run(simulation, 0.1, 50)
         s = min(simulation.time, 1.0)
         assert marker(simulation, "box", top) == pytest.approx([0.5 * s * s * (3 - 2 * s), 0, 0], abs=1e-9)
-    run(simulation, 3.0, 1500)
+    run(simulation, 2.5, 500)
     assert simulation.forces("hand")[0] == pytest.approx(1.5 * 9.81 * Z, rel=2e-3, abs=2e-2)
