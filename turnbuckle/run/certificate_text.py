@@ -16,7 +16,8 @@ def certificate(report: RunReport) -> str:
 
 def _rows(report: RunReport) -> Iterator[tuple[str, str]]:
     yield "scene", f"{report.scene}: {report.status}"
-    bodies = [f"{report.counts[k]} {k}" for k in ("points", "springs", "tetrahedra") if report.counts.get(k)]
+    things = ("points", "springs", "tetrahedra", "rigid_bodies", "joints")
+    bodies = [f"{report.counts[k]} {k.replace('_', ' ')}" for k in things if report.counts.get(k)]
     kinds = [f"{n} {kind}" for kind, n in report.counts.items() if kind in report.worst_residual]
     if bodies:
         yield "size", ", ".join(bodies)
@@ -37,7 +38,9 @@ def _rows(report: RunReport) -> Iterator[tuple[str, str]]:
         yield "ms a step", f"{total:.3f}" + (f" ({stages})" if stages else "")
     label = "worst residual"
     for kind, position in report.worst_residual.items():
-        yield label, f"{kind} {position:.1e} m, {report.worst_rate_residual.get(kind, 0.0):.1e} m/s"
+        unit = "rad" if kind.endswith("_rotation") else "m"
+        rate = report.worst_rate_residual.get(kind, 0.0)
+        yield label, f"{kind.replace('_rotation', '')} {position:.1e} {unit}, {rate:.1e} {unit}/s"
         label = ""
     if report.worst_conflict > 0.0:
         yield "worst conflict", f"{report.worst_conflict:.1e} m"
@@ -45,6 +48,10 @@ def _rows(report: RunReport) -> Iterator[tuple[str, str]]:
     yield "momentum error", f"linear {error['linear']:.1e}, angular {error['angular']:.1e} (relative, a step)"
     if report.energies:
         yield "energy", ", ".join(f"{name} {_number(value)} J" for name, value in report.energies.items())
+    for solver, histogram in report.iterations.items():
+        yield "iterations", f"{solver}: {_typical(histogram)}"
+    if report.halvings:
+        yield "halved", f"{report.halvings} times a step that turned a body too far"
     yield "degraded", f"{report.degraded_steps} of {report.steps} steps" if report.degraded_steps else "no step"
     for number, text in enumerate(_first(report.messages)):
         yield "" if number else "notes", text
@@ -56,6 +63,17 @@ def _rows(report: RunReport) -> Iterator[tuple[str, str]]:
     for path in report.outputs:
         yield label, path
         label = ""
+
+
+def _typical(histogram: dict[str, int]) -> str:
+    """Median and largest of a histogram."""
+    values = sorted((int(value), count) for value, count in histogram.items())
+    half, seen = sum(count for _, count in values) / 2, 0
+    for value, count in values:
+        seen += count
+        if seen >= half:
+            return f"{value} in a typical step, {values[-1][0]} at most"
+    return "none"
 
 
 def _first(texts: list[str]) -> list[str]:

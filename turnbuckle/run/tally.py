@@ -68,7 +68,8 @@ class Tally:
             for kind, value in report.position_residual.items():
                 if value > worst.get(kind, -1.0):
                     worst[kind] = value
-                if self._solves and value > self._missed and value > result.worst_conflict:
+                on_points = not kind.startswith("joint")
+                if self._solves and on_points and value > self._missed and value > result.worst_conflict:
                     result.worst_conflict = value
             worst = result.worst_rate_residual
             for kind, value in report.rate_residual.items():
@@ -102,7 +103,7 @@ class Tally:
 
     @property
     def worst(self) -> float:
-        """Largest position residual of any kind so far [m]."""
+        """Largest position residual of any kind so far [m, or rad of the rotations of joints]."""
         return max(self.result.worst_residual.values(), default=0.0)
 
     def finish(self, model: Model, state: State, begin: float, wall: float) -> RunResult:
@@ -133,12 +134,14 @@ def _count(histogram: dict[str, int], value: int) -> None:
 
 
 def counts(model: Model, state: State) -> dict[str, int]:
-    """Points, springs, tetrahedra, constraints, and constraints by kind, acting or not."""
+    """Points, springs, tetrahedra, rigid bodies, joints, constraints on points, and those by kind, acting or not."""
     kinds: dict[str, int] = {}
     for group in state.groups.values():
         kinds[group.kind] = kinds.get(group.kind, 0) + len(group.rows)
     springs, tetrahedra = len(model.springs.pairs), len(model.tetrahedra.corners)
     bodies = {"points": model.points, "springs": springs, "tetrahedra": tetrahedra}
+    if model.rigid.count > 1:
+        bodies |= {"rigid_bodies": model.rigid.count - 1, "joints": len(state.joints)}
     return {**bodies, "constraints": sum(kinds.values()), **kinds}
 
 
