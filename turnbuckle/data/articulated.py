@@ -53,7 +53,6 @@ class TiedPoints:
     x: wp.array(dtype=wp.vec3d)  # (points of the state,) at the end of the step
     v: wp.array(dtype=wp.vec3d)
     memory: wp.array(dtype=wp.vec3d)  # the velocity that the scheme remembers, where it does
-    remembers: int  # 1: it does (Verlet's w, and v lags by a step)
 
 
 @wp.struct

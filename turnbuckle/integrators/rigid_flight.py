@@ -39,6 +39,7 @@ BALANCED = wp.constant(
 )  # [m or rad] that the equations of motion may be left with before the last flight
 TRIES = wp.constant(25)  # iterations before the pose is taken to be singular
 SINGULAR = wp.constant(wp.float64(1e-3))  # of a row's own J M^-1 J^T: the rank then
+NEARLY = wp.constant(wp.float64(1e-10))  # [m or rad] from which a step of Newton's method that converges fast is the last
 OPEN = wp.constant(wp.float64(2e-12))  # [m or rad] from which what is left open is closed at the end of the flight
 ROUND = wp.constant(wp.float64(1e-15))  # of the largest coordinate
 PASSES = wp.constant(30)  # over the active set at most
@@ -329,6 +330,7 @@ def close_positions(
     size = real(0.0)
     missed = real(0.0)  # of rows that were dropped
     rank = real(RANK)
+    stepped = int(0)  # 1: the last thing was a step of Newton's method
     before = real(1e300)
     while going == 1:
         fly_island(islands, bodies, points, island, h)
@@ -390,6 +392,9 @@ def close_positions(
         if going == 1:
             if worst > real(0.1) * before or (warm == real(0.0) and count == 1):
                 stale = 1
+            if worst < NEARLY and worst < real(0.02) * before:
+                going = 0  # one more step will do
+                stepped = 1
             before = worst
             count += 1
             if stale == 1:
@@ -399,7 +404,8 @@ def close_positions(
             take_newton_step(islands, parts, rows, bodies, m, island)
             if last > first and islands.point_start[island + 1] > islands.point_start[island]:
                 gather_impulses(islands, parts, rows, bodies, points, island, middle)
-    take_impulses(islands, bodies, island)  # what is left of the imbalance goes
+    if stepped == 0:
+        take_impulses(islands, bodies, island)  # what is left of the imbalance goes
     fly_island(islands, bodies, points, island, h)
     if (
         islands.paper == 0 and last > first
@@ -417,6 +423,8 @@ def close_positions(
             k = known(EACH * p + r)
             rows.line_mid[k] = rows.line[k]
             rows.t_mid[k] = rows.t_a[k]
+    if stepped == 1:  # the last step came after this was measured: what it leaves is far less
+        worst = real(0.02) * worst
     worst = wp.max(worst, missed)
     if worst > OPEN + ROUND * size and worst < real(1e100):
         worst = close_at_end(islands, parts, rows, bodies, points, m, island, h)
@@ -429,13 +437,9 @@ def close_positions(
         if islands.paper == 0:
             bodies.w1[b] = turned_inertia(bodies.q1[b], bodies.inverse_inertia[b], bodies.momentum[b])
     islands.angle[island] = angle
-    # Tied points take the impulses of both halves now; their velocities are those of the end of the step, by the forces of its
-    # start: where the scheme remembers w and v lags, w* + (w* - v*), else v* as it is.
-    for i in range(islands.point_start[island], islands.point_start[island + 1]):
+    for i in range(islands.point_start[island], islands.point_start[island + 1]):  # tied points take both halves now
         k = known(islands.point[known(i)])
         j = points.point[k]
         dv = points.push[k] * (real(2 - islands.paper) / points.mass[k])
-        if points.remembers == 1:
-            points.v[j] = points.memory[j] * real(2.0) - points.v[j]
         points.v[j] = points.v[j] + dv
         points.memory[j] = points.memory[j] + dv

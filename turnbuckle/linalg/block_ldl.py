@@ -11,7 +11,6 @@ import numpy as np
 import warp as wp
 
 from turnbuckle.linalg.elimination import Elimination
-from turnbuckle.math.index import known
 from turnbuckle.math.types import real
 
 wp.set_module_options({"enable_backward": False})
@@ -38,110 +37,161 @@ class BlockMatrix:
     x: wp.array(dtype=wp.float64)  # (rows,) right side, then solution
 
 
-@wp.func
-def apart(m: BlockMatrix, k: int, r: int):
-    """The first row of node ``k`` that is coupled with its row ``r``: a body's mass and inertia are apart until others reach it."""
-    if m.fresh[known(k)] == 1 and r > 2:
-        return 3
-    return 0
+# The three inner loops are written in C (the same for CPU and CUDA): Warp's own indexing costs half of their time.
+I32 = wp.array(dtype=wp.int32)
+F64 = wp.array(dtype=wp.float64)
+
+
+@wp.func_native(
+    """
+    const int n = size.data[k], s = scalar.data[k];
+    const int apart = fresh.data[k] ? 3 : 0;  // a body's mass and inertia are apart until others reach it
+    double *a = value.data + diagonal.data[k], *inv = inverse.data + s;
+    int dropped = 0;
+    for (int r = 0; r < n; ++r) {
+        const int begin = r > 2 ? apart : 0;
+        double pivot = a[r * n + r], scaled[6];
+        for (int c = begin; c < r; ++c) {
+            scaled[c] = a[r * n + c] * inv[c];
+            pivot -= a[r * n + c] * scaled[c];
+        }
+        const double least = scale.data[s + r];
+        if ((least > 0.0 && pivot > -rank * least) || pivot == 0.0) {
+            inv[r] = 0.0;
+            ++dropped;
+        } else {
+            inv[r] = 1.0 / pivot;
+        }
+        for (int i = r + 1; i < n; ++i) {
+            double y = a[i * n + r];
+            for (int c = begin; c < r; ++c) y -= a[i * n + c] * scaled[c];
+            a[i * n + r] = y;
+        }
+    }
+    const int first = column.data[k], end = column.data[k + 1];
+    for (int e = first; e < end; ++e) {
+        double *y = value.data + block.data[e];
+        const int rows = size.data[row.data[e]];
+        for (int r = 1; r < n; ++r)
+            for (int c = r > 2 ? apart : 0; c < r; ++c) {
+                const double l = a[r * n + c] * inv[c];
+                if (l != 0.0)
+                    for (int i = 0; i < rows; ++i) y[i * n + r] -= l * y[i * n + c];
+            }
+    }
+    const int *t = target.data + update.data[k];
+    for (int e = first; e < end; ++e) {
+        const double *ye = value.data + block.data[e];
+        const int rows = size.data[row.data[e]];
+        double scaled[36];
+        for (int i = 0; i < rows; ++i)
+            for (int r = 0; r < n; ++r) scaled[i * n + r] = ye[i * n + r] * inv[r];
+        for (int f = first; f <= e; ++f) {
+            const double *yf = value.data + block.data[f];
+            const int columns = size.data[row.data[f]];
+            double *out = value.data + *t++;
+#define TURNBUCKLE_UPDATE(ROWS, COLUMNS, N)                                                \\
+    for (int i = 0; i < ROWS; ++i)                                                         \\
+        for (int j = 0; j < COLUMNS; ++j) {                                                \\
+            double total = 0.0;                                                            \\
+            for (int r = 0; r < N; ++r) total += scaled[i * N + r] * yf[j * N + r];        \\
+            out[i * COLUMNS + j] -= total;                                                 \\
+        }
+            // the usual sizes with known bounds: no branch is left in them
+            if (n == 6 && rows == 3 && columns == 3) { TURNBUCKLE_UPDATE(3, 3, 6) }
+            else if (n == 3 && rows == 3 && columns == 3) { TURNBUCKLE_UPDATE(3, 3, 3) }
+            else { TURNBUCKLE_UPDATE(rows, columns, n) }
+#undef TURNBUCKLE_UPDATE
+        }
+    }
+    return dropped;
+"""
+)
+def _factor(
+    size: I32, scalar: I32, fresh: I32, diagonal: I32, column: I32, row: I32, block: I32, update: I32, target: I32,
+    value: F64, inverse: F64, scale: F64, k: int, rank: wp.float64,
+) -> int: ...  # fmt: skip
+
+
+@wp.func_native(
+    """
+    const int n = size.data[k], s = scalar.data[k];
+    const double *a = value.data + diagonal.data[k], *inv = inverse.data + s;
+    double *own = x.data + s, scaled[6];
+    for (int r = 0; r < n; ++r) {
+        for (int c = 0; c < r; ++c) own[r] -= a[r * n + c] * scaled[c];
+        scaled[r] = own[r] * inv[r];
+    }
+    for (int e = column.data[k]; e < column.data[k + 1]; ++e) {
+        const double *y = value.data + block.data[e];
+        double *other = x.data + scalar.data[row.data[e]];
+        const int rows = size.data[row.data[e]];
+#define TURNBUCKLE_TAKE(ROWS, N)                                                           \\
+    for (int i = 0; i < ROWS; ++i) {                                                       \\
+        double total = 0.0;                                                                \\
+        for (int r = 0; r < N; ++r) total += y[i * N + r] * scaled[r];                     \\
+        other[i] -= total;                                                                 \\
+    }
+        if (n == 6 && rows == 3) { TURNBUCKLE_TAKE(3, 6) }
+        else if (n == 3 && rows == 3) { TURNBUCKLE_TAKE(3, 3) }
+        else { TURNBUCKLE_TAKE(rows, n) }
+#undef TURNBUCKLE_TAKE
+    }
+"""
+)
+def _forward(
+    size: I32, scalar: I32, diagonal: I32, column: I32, row: I32, block: I32, value: F64, inverse: F64, x: F64, k: int
+): ...
+
+
+@wp.func_native(
+    """
+    const int n = size.data[k], s = scalar.data[k];
+    const double *a = value.data + diagonal.data[k], *inv = inverse.data + s;
+    double *own = x.data + s;
+    for (int e = column.data[k]; e < column.data[k + 1]; ++e) {
+        const double *y = value.data + block.data[e];
+        const double *other = x.data + scalar.data[row.data[e]];
+        const int rows = size.data[row.data[e]];
+#define TURNBUCKLE_TAKE(ROWS, N)                                                           \\
+    for (int i = 0; i < ROWS; ++i)                                                         \\
+        for (int r = 0; r < N; ++r) own[r] -= y[i * N + r] * other[i];
+        if (n == 6 && rows == 3) { TURNBUCKLE_TAKE(3, 6) }
+        else if (n == 3 && rows == 3) { TURNBUCKLE_TAKE(3, 3) }
+        else { TURNBUCKLE_TAKE(rows, n) }
+#undef TURNBUCKLE_TAKE
+    }
+    for (int r = n - 1; r >= 0; --r) {
+        double total = own[r];
+        for (int i = r + 1; i < n; ++i) total -= a[i * n + r] * own[i];
+        own[r] = total * inv[r];
+    }
+"""
+)
+def _backward(
+    size: I32, scalar: I32, diagonal: I32, column: I32, row: I32, block: I32, value: F64, inverse: F64, x: F64, k: int
+): ...
 
 
 @wp.func
 def factor_node(m: BlockMatrix, k: int, rank: real):
     """Eliminate node ``k``; pivots below ``rank`` of their `scale` are dropped. Returns the number of rows dropped."""
-    n = known(m.size[k])
-    d = known(m.diagonal[k])
-    s = known(m.scalar[k])
-    dropped = int(0)
-    for r in range(n):
-        begin = apart(m, k, r)
-        pivot = m.value[known(d + r * n + r)]
-        for c in range(begin, r):
-            y = m.value[known(d + r * n + c)]
-            pivot -= y * y * m.inverse[known(s + c)]
-        scale = m.scale[known(s + r)]
-        if (scale > real(0.0) and pivot > -rank * scale) or pivot == real(0.0):
-            m.inverse[known(s + r)] = real(0.0)
-            dropped += 1
-        else:
-            m.inverse[known(s + r)] = real(1.0) / pivot
-        for i in range(r + 1, n):  # row i of the unscaled factor: y_ir = L_ir D_r
-            y = m.value[known(d + i * n + r)]
-            for c in range(begin, r):
-                y -= m.value[known(d + i * n + c)] * m.value[known(d + r * n + c)] * m.inverse[known(s + c)]
-            m.value[known(d + i * n + r)] = y
-    first = known(m.column[k])
-    end = m.column[k + 1]
-    for e in range(first, end):
-        b = known(m.block[known(e)])
-        rows = m.size[known(m.row[known(e)])]
-        for i in range(rows):
-            for r in range(n):
-                y = m.value[known(b + i * n + r)]
-                for c in range(apart(m, k, r), r):
-                    y -= m.value[known(b + i * n + c)] * m.value[known(d + r * n + c)] * m.inverse[known(s + c)]
-                m.value[known(b + i * n + r)] = y
-    u = int(m.update[k])
-    for e in range(first, end):
-        be = known(m.block[known(e)])
-        rows = m.size[known(m.row[known(e)])]
-        for f in range(first, e + 1):
-            bf = known(m.block[known(f)])
-            columns = m.size[known(m.row[known(f)])]
-            t = known(m.target[known(u)])
-            u += 1
-            for i in range(rows):
-                for j in range(columns):
-                    total = real(0.0)
-                    for r in range(n):
-                        y = m.value[known(be + i * n + r)] * m.inverse[known(s + r)]
-                        total += y * m.value[known(bf + j * n + r)]
-                    m.value[known(t + i * columns + j)] -= total
-    return dropped
+    return _factor(
+        m.size, m.scalar, m.fresh, m.diagonal, m.column, m.row, m.block, m.update, m.target, m.value, m.inverse, m.scale,
+        k, rank,
+    )  # fmt: skip
 
 
 @wp.func
 def forward_node(m: BlockMatrix, k: int):
     """``x_k = L_k^-1 x_k``, and take it out of the later nodes."""
-    n = known(m.size[k])
-    d = known(m.diagonal[k])
-    s = known(m.scalar[k])
-    for r in range(n):
-        x = m.x[known(s + r)]
-        for c in range(r):
-            x -= m.value[known(d + r * n + c)] * m.inverse[known(s + c)] * m.x[known(s + c)]
-        m.x[known(s + r)] = x
-    for e in range(m.column[k], m.column[k + 1]):
-        b = known(m.block[known(e)])
-        i0 = known(m.row[known(e)])
-        t = known(m.scalar[i0])
-        for i in range(m.size[i0]):
-            total = real(0.0)
-            for r in range(n):
-                total += m.value[known(b + i * n + r)] * m.inverse[known(s + r)] * m.x[known(s + r)]
-            m.x[known(t + i)] -= total
+    _forward(m.size, m.scalar, m.diagonal, m.column, m.row, m.block, m.value, m.inverse, m.x, k)
 
 
 @wp.func
 def backward_node(m: BlockMatrix, k: int):
     """``x_k`` of the solution, from those of the later nodes."""
-    n = known(m.size[k])
-    d = known(m.diagonal[k])
-    s = known(m.scalar[k])
-    for e in range(m.column[k], m.column[k + 1]):
-        b = known(m.block[known(e)])
-        i0 = known(m.row[known(e)])
-        t = known(m.scalar[i0])
-        for i in range(m.size[i0]):
-            x = m.x[known(t + i)]
-            for r in range(n):
-                m.x[known(s + r)] -= m.value[known(b + i * n + r)] * x
-    for q in range(n):
-        r = n - 1 - q
-        x = m.x[known(s + r)]
-        for i in range(r + 1, n):
-            x -= m.value[known(d + i * n + r)] * m.x[known(s + i)]
-        m.x[known(s + r)] = x * m.inverse[known(s + r)]
+    _backward(m.size, m.scalar, m.diagonal, m.column, m.row, m.block, m.value, m.inverse, m.x, k)
 
 
 @dataclass

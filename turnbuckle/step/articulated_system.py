@@ -227,11 +227,11 @@ class System:
             setattr(b, f"{name}1", getattr(ahead, name))
         return b
 
-    def tied_points(self, x: wp.array, v: wp.array, memory: wp.array, remembers: bool = False) -> TiedPoints:
-        """The struct for mass points at ``x``, ``v``; ``remembers``: ``memory`` is a velocity of the scheme."""
+    def tied_points(self, x: wp.array, v: wp.array, memory: wp.array) -> TiedPoints:
+        """The struct for mass points at ``x``, ``v``."""
         t = TiedPoints()
         t.point, t.mass, t.x_free, t.push = self.tied_index, self.points_mass, self.x_free, self.tied_push
-        t.x, t.v, t.memory, t.remembers = x, v, memory, int(remembers)
+        t.x, t.v, t.memory = x, v, memory
         return t
 
 
