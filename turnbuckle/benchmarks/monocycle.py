@@ -79,7 +79,9 @@ def rides_table(rides: list[Ride]) -> Table:
         name = ("one (3.1.2)", "two (3.1.3)")[one.scheme - 1]
         middle = int(statistics.median_low(counts))
         table.add(name, middle, share, ninety, counts[-1], one.ms_per_frame, one.distance, one.status)
-    table.notes.append("A step a frame; the paper reports under six iterations most of the time.")
+    table.notes.append(
+        "A step a frame. The paper: scheme two, under six most of the time, with limit, masses and force unstated."
+    )
     return table
 
 
