@@ -345,7 +345,7 @@ def close_positions(
                 continue
             evaluate(parts, rows, bodies, points, p, 1, 1 - islands.paper)
             if islands.paper == 0:
-                middle_rows(parts, rows, bodies, p)
+                middle_rows(parts, rows, bodies, p, 0)
             s = m.scalar[known(parts.node[p])]
             size = wp.max(size, wp.length(bodies.x1[parts.a[p]]))
             for r in range(parts.rows[p]):
@@ -414,7 +414,7 @@ def close_positions(
             p = known(islands.part[known(i)])
             if parts.on[p] == 1:
                 evaluate(parts, rows, bodies, points, p, 1, 1)
-                middle_rows(parts, rows, bodies, p)
+                middle_rows(parts, rows, bodies, p, 1)
         gather_impulses(islands, parts, rows, bodies, points, island, middle)
         take_impulses(islands, bodies, island)
     for i in range(first, last):

@@ -3,10 +3,10 @@
 import warp as wp
 
 from turnbuckle.constraints.joints.evaluate import MOTOR_TWIST, TWIST
-from turnbuckle.data.articulated import AT, EACH, LIMIT, MOTOR, SOFT, Bodies, Parts, RowTable
+from turnbuckle.data.articulated import AT, EACH, EQUAL, LIMIT, MOTOR, SOFT, Bodies, Parts, RowTable
 from turnbuckle.math.index import known
 from turnbuckle.math.rotation import wrapped
-from turnbuckle.math.types import real
+from turnbuckle.math.types import real, vec3
 
 wp.set_module_options({"enable_backward": False})
 
@@ -125,13 +125,23 @@ def revise(parts: Parts, rows: RowTable, p: int, i: int, h: real):
 
 
 @wp.func
-def middle_rows(parts: Parts, rows: RowTable, bodies: Bodies, p: int):
-    """Directions and points of action of part ``p`` in the middle of the flight, from those at its start and end."""
+def middle_rows(parts: Parts, rows: RowTable, bodies: Bodies, p: int, closed: int):
+    """Directions and points of action of part ``p`` in the middle of the flight, from those at its start and end.
+
+    While joints are still open (``closed`` 0) each body is taken at its own side of the gap, which will be closed: else half the
+    gap would turn body b in the next iteration.
+    """
     if parts.tie[p + 1] > parts.tie[p]:
         return
     half = real(0.5)
     a = known(parts.a[p])
     b = known(parts.b[p])
+    gap = vec3()
+    if closed == 0:
+        for r in range(parts.rows[p]):
+            i = known(EACH * p + r)
+            if rows.mode[i] == EQUAL:
+                gap += rows.line[i] * rows.s[i]
     for r in range(parts.rows[p]):
         i = known(EACH * p + r)
         if wp.length_sq(rows.line0[i]) > real(0.0):
@@ -140,7 +150,7 @@ def middle_rows(parts: Parts, rows: RowTable, bodies: Bodies, p: int):
             rows.line[i] = line
             rows.at[i] = at
             rows.t_a[i] = wp.cross(at - (bodies.x0[a] + bodies.x1[a]) * half, line)
-            rows.t_b[i] = wp.cross(at - (bodies.x0[b] + bodies.x1[b]) * half, line)
+            rows.t_b[i] = wp.cross(at - (gap + bodies.x0[b] + bodies.x1[b]) * half, line)
         else:
             t = (rows.t0[i] + rows.t_a[i]) * half
             rows.t_a[i] = t

@@ -62,7 +62,7 @@ class JointBuilder:
         """Append joints, their parts and domains in place of columns; returns the longer `JointParts`. Raises InputError."""
         rows: list[Row] = []
         first = parts.count
-        number = int(parts.joint.max(initial=-1))
+        number = max(int(parts.joint.max(initial=-1)), len(joints) - 1)
         for d in definitions:
             try:
                 own = self._parts(d, domains)

@@ -154,14 +154,18 @@ class Articulated:
 
     # Recording -----------------------------------------------------------------------------------------------------
 
+    def record_prediction(self, p: Program, v: wp.array, memory: wp.array) -> None:
+        """Record what tied mass points need of a scheme's prediction."""
+        if len(self.system.tied) and SCHEMES[self.model.integrator].velocity_memory:
+            p.launch(catch_up, self.model.points, [memory, v])
+            p.barrier()
+
     def record_positions(self, p: Program, params: wp.array, x: wp.array, v: wp.array, memory: wp.array) -> None:
         """Record the flight of all bodies to poses that close all joints, and where their points are then."""
         s = self.system
         bodies = s.bodies(self.state.rigid, self.ahead, self.state.rigid)
         tied = s.tied_points(x, v, memory)
         if len(s.tied):
-            if SCHEMES[self.model.integrator].velocity_memory:
-                p.launch(catch_up, self.model.points, [memory, v])
             p.launch(remember_points, len(s.tied), [tied])
             p.barrier()
         given = [params, s.islands, bodies, tied, s.parts, s.row_table, s.matrix]

@@ -124,11 +124,13 @@ class Stepper:
         p.stage("constraints")
         on = scheme.landing(r)
         counted = self.model.device_arrays["counted_mass"]
+        memory = ahead.memory if scheme.velocity_memory else r.scratch("no memory")
+        if self.articulated.exists:
+            self.articulated.record_prediction(p, on.v, memory)
         self.certificate.record_momentum(p, counted, ahead.x, ahead.v, "before")
         p.barrier()
         r.land(on)
         p.barrier()
-        memory = ahead.memory if scheme.velocity_memory else r.scratch("no memory")
         if self.articulated.exists:
             p.stage("joints")
             self.articulated.record_positions(p, r.params, on.x, on.v, memory)

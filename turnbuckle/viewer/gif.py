@@ -27,7 +27,7 @@ class GifWriter:
         """Add a picture (height, width, 3) uint8."""
         colors = Image.fromarray(picture).quantize(256, method=Image.Quantize.MEDIANCUT)
         encoded = io.BytesIO()
-        colors.save(encoded, "GIF")
+        colors.save(encoded, "GIF", interlace=False)
         single = encoded.getvalue()
         flags = single[10]
         table_size = 3 << ((flags & 7) + 1) if flags & 0x80 else 0
