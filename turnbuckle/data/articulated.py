@@ -53,6 +53,7 @@ class TiedPoints:
     x: wp.array(dtype=wp.vec3d)  # (points of the state,) at the end of the step
     v: wp.array(dtype=wp.vec3d)
     memory: wp.array(dtype=wp.vec3d)  # the velocity that the scheme remembers, where it does
+    lags: int  # 1: v lags by a step, memory is Verlet's w
 
 
 @wp.struct

@@ -20,16 +20,25 @@ equations to first order, directions of the start.
 
 import warp as wp
 
-from turnbuckle.bodies.rotor import free_rotation, paper_rotation
 from turnbuckle.constraints.joints.evaluate import evaluate
 from turnbuckle.data.articulated import EACH, MOTOR, SOFT, Bodies, Islands, Parts, RowTable, TiedPoints
-from turnbuckle.data.state import GRAVITY, H
+from turnbuckle.data.state import H
+from turnbuckle.integrators.rigid_closing import close_at_end
+from turnbuckle.integrators.rigid_motion import kick
+from turnbuckle.integrators.rigid_newton import (
+    balance,
+    factor_flight,
+    fly_island,
+    gather_impulses,
+    take_impulses,
+    take_newton_step,
+)
 from turnbuckle.integrators.rigid_rows import CLOSED, middle_rows, outside, residual_of, revise
 from turnbuckle.linalg.block_ldl import RANK, BlockMatrix
 from turnbuckle.math.index import known
 from turnbuckle.math.rotation import rotation_log, turned_inertia
-from turnbuckle.math.types import real, vec3
-from turnbuckle.solvers.equality import acts, clear_right_side, factor_island, rate_of, scatter_part, solve_island
+from turnbuckle.math.types import real
+from turnbuckle.solvers.equality import acts, clear_right_side, rate_of, solve_island
 
 wp.set_module_options({"enable_backward": False})
 
@@ -39,260 +48,19 @@ BALANCED = wp.constant(
 )  # [m or rad] that the equations of motion may be left with before the last flight
 TRIES = wp.constant(25)  # iterations before the pose is taken to be singular
 SINGULAR = wp.constant(wp.float64(1e-3))  # of a row's own J M^-1 J^T: the rank then
-NEARLY = wp.constant(wp.float64(1e-10))  # [m or rad] from which a step of Newton's method that converges fast is the last
+NEARLY = wp.constant(
+    wp.float64(1e-10)
+)  # [m or rad] from which a step of Newton's method that converges fast is the last
 OPEN = wp.constant(wp.float64(2e-12))  # [m or rad] from which what is left open is closed at the end of the flight
 ROUND = wp.constant(wp.float64(1e-15))  # of the largest coordinate
 PASSES = wp.constant(30)  # over the active set at most
 
 
 @wp.func
-def kick(islands: Islands, bodies: Bodies, params: wp.array(dtype=real), b: int):
-    """Velocity and angular momentum of body ``b`` before its flight, without constraints."""
-    h = params[H]
-    g = vec3(params[GRAVITY], params[GRAVITY + 1], params[GRAVITY + 2])
-    part = real(0.5) * h
-    q = bodies.q0[b]
-    w = bodies.w0[b]
-    spin = turned_inertia(q, bodies.inertia[b], w)
-    if islands.paper == 1:
-        part = h
-        torque = bodies.torque[b] - wp.cross(w, spin)
-        spin = spin + torque * h
-    else:
-        spin = spin + bodies.torque[b] * part
-    decay = bodies.damping[b]
-    v = bodies.v0[b] + (g + bodies.force[b] * bodies.inverse_mass[b]) * part
-    bodies.v_free[b] = v * wp.exp(-decay[0] * part)
-    bodies.l_free[b] = spin * wp.exp(-decay[1] * part)
-
-
-@wp.func
-def fly(islands: Islands, bodies: Bodies, b: int, h: real):
-    """Body ``b`` from the start of the step to its end, with the velocity and angular momentum it has."""
-    bodies.x1[b] = bodies.x0[b] + bodies.v1[b] * h
-    if islands.paper == 1:
-        w = turned_inertia(bodies.q0[b], bodies.inverse_inertia[b], bodies.momentum[b])
-        bodies.w1[b] = w
-        bodies.q1[b] = paper_rotation(bodies.q0[b], w, h)
-    else:
-        bodies.q1[b] = free_rotation(bodies.q0[b], bodies.momentum[b], bodies.inertia[b], h)
-
-
-@wp.func
-def gather_impulses(
-    islands: Islands, parts: Parts, rows: RowTable, bodies: Bodies, points: TiedPoints, island: int, ahead: int
-):
-    """What the impulses of all rows sum up to on bodies and points, with the directions that rows have."""
-    for i in range(islands.body_start[island], islands.body_start[island + 1]):
-        b = known(islands.body[known(i)])
-        bodies.push[b] = vec3()
-        bodies.turn[b] = vec3()
-    for i in range(islands.point_start[island], islands.point_start[island + 1]):
-        points.push[islands.point[i]] = vec3()
-    for i in range(islands.part_start[island], islands.part_start[island + 1]):
-        p = known(islands.part[known(i)])
-        if parts.on[p] == 1:
-            for r in range(parts.rows[p]):
-                impulse = rows.impulse[known(EACH * p + r)]
-                if impulse != real(0.0):
-                    scatter_part(parts, rows, bodies, points, p, r, impulse, ahead)
-
-
-@wp.func
-def fly_island(islands: Islands, bodies: Bodies, points: TiedPoints, island: int, h: real):
-    """Let an island fly; tied points go where their impulses take them."""
-    for i in range(islands.body_start[island], islands.body_start[island + 1]):
-        fly(islands, bodies, known(islands.body[known(i)]), h)
-    for i in range(islands.point_start[island], islands.point_start[island + 1]):
-        k = known(islands.point[known(i)])
-        points.x[points.point[k]] = points.x_free[k] + points.push[k] * (h / points.mass[k])
-
-
-@wp.func
-def take_impulses(islands: Islands, bodies: Bodies, island: int):
-    """Velocities and angular momenta of the flight from those without constraints and the impulses gathered."""
-    for i in range(islands.body_start[island], islands.body_start[island + 1]):
-        b = known(islands.body[known(i)])
-        bodies.v1[b] = bodies.v_free[b] + bodies.push[b] * bodies.inverse_mass[b]
-        bodies.momentum[b] = bodies.l_free[b] + bodies.turn[b]
-
-
-@wp.func
-def balance(islands: Islands, bodies: Bodies, m: BlockMatrix, island: int, h: real):
-    """Right sides of the equations of motion of the flight; the largest [m or rad]."""
-    worst = real(0.0)
-    for i in range(islands.body_start[island], islands.body_start[island + 1]):
-        b = known(islands.body[known(i)])
-        s = m.scalar[known(islands.body_node[known(i)])]
-        dp = bodies.push[b] - (bodies.v1[b] - bodies.v_free[b]) * bodies.mass[b]
-        dl = bodies.turn[b] - (bodies.momentum[b] - bodies.l_free[b])
-        for k in range(3):
-            m.x[known(s + k)] = dp[k]
-            m.x[known(s + 3 + k)] = dl[k]
-        dw = turned_inertia(bodies.q0[b], bodies.inverse_inertia[b], dl)
-        worst = wp.max(worst, wp.max(wp.length(dp) * bodies.inverse_mass[b], wp.length(dw)) * h)
-    return worst
-
-
-@wp.func
-def take_newton_step(islands: Islands, parts: Parts, rows: RowTable, bodies: Bodies, m: BlockMatrix, island: int):
-    """Add the solution of the system to velocities, angular momenta and impulses."""
-    for i in range(islands.body_start[island], islands.body_start[island + 1]):
-        b = known(islands.body[known(i)])
-        s = m.scalar[known(islands.body_node[known(i)])]
-        dv = vec3(m.x[known(s)], m.x[known(s + 1)], m.x[known(s + 2)])
-        dw = vec3(m.x[known(s + 3)], m.x[known(s + 4)], m.x[known(s + 5)])
-        bodies.v1[b] = bodies.v1[b] + dv
-        bodies.momentum[b] = bodies.momentum[b] + turned_inertia(bodies.q0[b], bodies.inertia[b], dw)
-    for i in range(islands.part_start[island], islands.part_start[island + 1]):
-        p = known(islands.part[known(i)])
-        s = m.scalar[known(parts.node[p])]
-        for r in range(parts.rows[p]):
-            k = known(EACH * p + r)
-            if acts(parts, rows, p, k) == 1:
-                rows.impulse[k] = rows.impulse[k] - m.x[known(s + r)]
-
-
-@wp.func
-def factor_flight(
-    islands: Islands, parts: Parts, rows: RowTable, bodies: Bodies, points: TiedPoints, m: BlockMatrix, island: int,
-    h: real, rank: real,
+def start_rows(
+    islands: Islands, parts: Parts, rows: RowTable, bodies: Bodies, points: TiedPoints, island: int, h: real, restart: int
 ):  # fmt: skip
-    """The matrix of Newton's method: directions of the start, where joints are closed and rows that repeat others show as such
-    (those of the middle repeat each other only to order h^2), and geometric stiffness. Rows dropped have no impulse."""
-    first = islands.part_start[island]
-    last = islands.part_start[island + 1]
-    for i in range(first, last):
-        evaluate(parts, rows, bodies, points, known(islands.part[known(i)]), 0, 1)
-    factor_island(islands, parts, rows, bodies, points, m, island, 2 * (1 - islands.paper), h, rank)
-    for i in range(first, last):
-        p = known(islands.part[known(i)])
-        for r in range(parts.rows[p]):
-            k = known(EACH * p + r)
-            if rows.dropped[k] == 1:
-                rows.impulse[k] = real(0.0)
-
-
-@wp.func
-def push_at_start(
-    islands: Islands,
-    parts: Parts,
-    rows: RowTable,
-    bodies: Bodies,
-    points: TiedPoints,
-    m: BlockMatrix,
-    island: int,
-    h: real,
-):
-    """Give the impulses of the solution to the start of the flight, each along one line for both bodies, and fly again."""
-    for i in range(islands.part_start[island], islands.part_start[island + 1]):
-        p = known(islands.part[known(i)])
-        s = m.scalar[known(parts.node[p])]
-        a = known(parts.a[p])
-        b = known(parts.b[p])
-        for r in range(parts.rows[p]):
-            k = known(EACH * p + r)
-            impulse = -m.x[known(s + r)]
-            if parts.on[p] == 0 or impulse == real(0.0) or acts(parts, rows, p, k) == 0:
-                continue
-            line = rows.line[k] * impulse
-            if parts.tie[p + 1] > parts.tie[p]:
-                for e in range(parts.tie[p], parts.tie[p + 1]):
-                    w = parts.tie_weight[e]
-                    body = parts.tie_body[e]
-                    if body < 0:
-                        t = parts.tie_point[e]
-                        j = points.point[t]
-                        dv = line * (w / points.mass[t])
-                        points.x[j] = points.x[j] + dv * h
-                        points.v[j] = points.v[j] + dv
-                        points.memory[j] = points.memory[j] + dv
-                    elif parts.tie_place[e] >= 0:
-                        arm = bodies.x1[body] + wp.quat_rotate(bodies.q1[body], parts.tie_local[e]) - bodies.x0[body]
-                        bodies.v1[body] = bodies.v1[body] + line * (w * bodies.inverse_mass[body])
-                        bodies.momentum[body] = bodies.momentum[body] + wp.cross(arm, line) * w
-                continue
-            turn = rows.t_a[k] * impulse
-            force = int(0)
-            if wp.length_sq(line) > real(0.0):
-                force = 1
-            if parts.place_a[p] >= 0:
-                if force == 1:
-                    turn = wp.cross(rows.at[k] - bodies.x0[a], line)
-                bodies.v1[a] = bodies.v1[a] + line * bodies.inverse_mass[a]
-                bodies.momentum[a] = bodies.momentum[a] + turn
-            if parts.place_b[p] >= 0:
-                if force == 1:
-                    turn = wp.cross(rows.at[k] - bodies.x0[b], line)
-                bodies.v1[b] = bodies.v1[b] - line * bodies.inverse_mass[b]
-                bodies.momentum[b] = bodies.momentum[b] - turn
-    for i in range(islands.body_start[island], islands.body_start[island + 1]):
-        fly(islands, bodies, known(islands.body[known(i)]), h)
-
-
-@wp.func
-def close_at_end(
-    islands: Islands,
-    parts: Parts,
-    rows: RowTable,
-    bodies: Bodies,
-    points: TiedPoints,
-    m: BlockMatrix,
-    island: int,
-    h: real,
-):
-    """Close what the flight could not, with directions of the iterate: near singular poses, where directions turn as fast as
-    they are. It keeps momenta too, energy to the size of the gap. Returns the residual left."""
-    first = islands.part_start[island]
-    last = islands.part_start[island + 1]
-    worst = real(0.0)
-    count = int(0)
-    going = int(1)
-    while going == 1:
-        worst = real(0.0)
-        clear_right_side(islands, m, island)
-        for i in range(first, last):
-            p = known(islands.part[known(i)])
-            if parts.on[p] == 0:
-                continue
-            evaluate(parts, rows, bodies, points, p, 1, 1)
-            s = m.scalar[known(parts.node[p])]
-            for r in range(parts.rows[p]):
-                k = known(EACH * p + r)
-                if acts(parts, rows, p, k) == 1 and rows.mode[k] != SOFT and rows.mode[k] != MOTOR:
-                    g = residual_of(parts, rows, p, k, h)
-                    m.x[known(s + r)] = -g / h
-                    worst = wp.max(worst, wp.abs(g))
-        if worst < real(2.0) * CLOSED or count == 20 or not (worst < real(1e3)):
-            going = 0
-        else:
-            count += 1
-            factor_island(islands, parts, rows, bodies, points, m, island, 1, h, RANK)
-            solve_island(islands, m, island)
-            push_at_start(islands, parts, rows, bodies, points, m, island, h)
-    return worst
-
-
-@wp.kernel
-def close_positions(
-    begin: int,
-    params: wp.array(dtype=real),
-    islands: Islands,
-    bodies: Bodies,
-    points: TiedPoints,
-    parts: Parts,
-    rows: RowTable,
-    m: BlockMatrix,
-    restart: int,
-):
-    """First half of a step for each island: kick, and the flight that ends with all joints closed.
-
-    ``restart`` 0: go on from the impulses found so far (curves and surfaces were looked up again).
-    """
-    island = begin + wp.tid()
-    h = params[H]
-    for i in range(islands.body_start[island], islands.body_start[island + 1]):
-        kick(islands, bodies, params, known(islands.body[known(i)]))
+    """Coordinates, rates and directions at the start of the step, and impulses to start from: those of the last step."""
     first = islands.part_start[island]
     last = islands.part_start[island + 1]
     warm = islands.warm[0]
@@ -319,6 +87,32 @@ def close_positions(
                 rows.active[k] = 0
                 if parts.lo[p] == parts.hi[p] or outside(rows.s0[k], parts.lo[p], parts.hi[p]) != real(0.0):
                     rows.active[k] = 1
+
+
+@wp.kernel
+def close_positions(
+    begin: int,
+    params: wp.array(dtype=real),
+    islands: Islands,
+    bodies: Bodies,
+    points: TiedPoints,
+    parts: Parts,
+    rows: RowTable,
+    m: BlockMatrix,
+    restart: int,
+):
+    """First half of a step for each island: kick, and the flight that ends with all joints closed.
+
+    ``restart`` 0: go on from the impulses found so far (curves and surfaces were looked up again).
+    """
+    island = begin + wp.tid()
+    h = params[H]
+    for i in range(islands.body_start[island], islands.body_start[island + 1]):
+        kick(islands, bodies, params, known(islands.body[known(i)]))
+    first = islands.part_start[island]
+    last = islands.part_start[island + 1]
+    warm = islands.warm[0]
+    start_rows(islands, parts, rows, bodies, points, island, h, restart)
     middle = 2 * (1 - islands.paper)
     gather_impulses(islands, parts, rows, bodies, points, island, 0)
     take_impulses(islands, bodies, island)
@@ -437,9 +231,14 @@ def close_positions(
         if islands.paper == 0:
             bodies.w1[b] = turned_inertia(bodies.q1[b], bodies.inverse_inertia[b], bodies.momentum[b])
     islands.angle[island] = angle
-    for i in range(islands.point_start[island], islands.point_start[island + 1]):  # tied points take both halves now
+    # Tied points take the impulses of both halves now. Their velocities are those of the end of the step, by the forces of its
+    # start: where the scheme's v lags by a step (Verlet: v* = w + h/2 a, w* = w + h a), w* + h/2 a = 2 w* - v*. Rigid bodies, which
+    # they move with, do not lag. (All other points keep the scheme's v: explicit damping is most stable with it.)
+    for i in range(islands.point_start[island], islands.point_start[island + 1]):
         k = known(islands.point[known(i)])
         j = points.point[k]
         dv = points.push[k] * (real(2 - islands.paper) / points.mass[k])
+        if points.lags == 1:
+            points.v[j] = points.memory[j] * real(2.0) - points.v[j]
         points.v[j] = points.v[j] + dv
         points.memory[j] = points.memory[j] + dv

@@ -5,7 +5,7 @@ import warp as wp
 from turnbuckle.constraints.joints.evaluate import evaluate
 from turnbuckle.data.articulated import Bodies, Parts, RowTable, TiedPoints
 from turnbuckle.math.index import known
-from turnbuckle.math.types import real, vec3
+from turnbuckle.math.types import vec3
 
 wp.set_module_options({"enable_backward": False})
 
@@ -39,11 +39,3 @@ def remember_points(begin: int, points: TiedPoints):
 def row_directions(begin: int, bodies: Bodies, points: TiedPoints, parts: Parts, rows: RowTable):
     """Coordinates and directions of the rows of each part, for the poses at the end of the step."""
     evaluate(parts, rows, bodies, points, begin + wp.tid(), 1, 1)
-
-
-@wp.kernel
-def catch_up(begin: int, memory: wp.array(dtype=vec3), v: wp.array(dtype=vec3)):
-    """Velocities at the end of the step where the scheme's lag by one (Verlet: ``v* = w + h/2 a``, ``w* = w + h a``): with the forces
-    of its start, ``w* + h/2 a = 2 w* - v*``. Rigid bodies, which tied points move with, do not lag."""
-    i = known(begin + wp.tid())
-    v[i] = memory[i] * real(2.0) - v[i]

@@ -146,7 +146,7 @@ def _fields(
     """Force fields on mass points, and on rigid bodies."""
     fields, on_rigid = [], []
     for d in definitions:
-        force = d.callable if d.callable is not None else _expression_force(d.expression)
+        force = d.callable if d.callable is not None else _expression_force(d.expression or ["0.0"] * 3)
         torque = None if d.torque is None else _expression_force(d.torque)
         field = rigid_field(d, rigids, force, torque)
         if field is not None:
@@ -157,7 +157,7 @@ def _fields(
         if d.body is not None:
             shape = next(s for s in shapes if s.name == d.body)
             points = points[(points >= shape.begin) & (points < shape.end)]
-        if len(points):
+        if len(points) and d.given(("expression", "callable")):
             fields.append(Field(d.name, points, force))
     return tuple(fields), tuple(on_rigid)
 

@@ -178,7 +178,8 @@ class ForceDef(Definition):
 
     @model_validator(mode="after")
     def _check(self) -> ForceDef:
-        exactly_one(self, [("expression",), ("callable",)], ("torque",))
+        if self.torque is None or self.given(("expression", "callable")):  # a torque may stand alone
+            exactly_one(self, [("expression",), ("callable",)], ("torque",))
         return self
 
 

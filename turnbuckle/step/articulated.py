@@ -13,7 +13,7 @@ from turnbuckle.data.tables import TIED
 from turnbuckle.geometry.quaternions import cross, rotate
 from turnbuckle.integrators import SCHEMES
 from turnbuckle.integrators.rigid_flight import close_positions
-from turnbuckle.integrators.rigid_points import catch_up, place_points, remember_points
+from turnbuckle.integrators.rigid_points import place_points, remember_points
 from turnbuckle.integrators.rigid_projection import project_velocities
 from turnbuckle.step.articulated_system import System
 from turnbuckle.step.displacement_stage import DisplacementStage
@@ -154,17 +154,11 @@ class Articulated:
 
     # Recording -----------------------------------------------------------------------------------------------------
 
-    def record_prediction(self, p: Program, v: wp.array, memory: wp.array) -> None:
-        """Record what tied mass points need of a scheme's prediction."""
-        if len(self.system.tied) and SCHEMES[self.model.integrator].velocity_memory:
-            p.launch(catch_up, self.model.points, [memory, v])
-            p.barrier()
-
     def record_positions(self, p: Program, params: wp.array, x: wp.array, v: wp.array, memory: wp.array) -> None:
         """Record the flight of all bodies to poses that close all joints, and where their points are then."""
         s = self.system
         bodies = s.bodies(self.state.rigid, self.ahead, self.state.rigid)
-        tied = s.tied_points(x, v, memory)
+        tied = s.tied_points(x, v, memory, SCHEMES[self.model.integrator].velocity_memory)
         if len(s.tied):
             p.launch(remember_points, len(s.tied), [tied])
             p.barrier()
@@ -188,7 +182,7 @@ class Articulated:
         bodies = s.bodies(self.state.rigid, self.ahead, self.ahead)
         ahead = self.ahead
         p.host(lambda: self._loads_ahead(ahead))
-        tied = s.tied_points(x, v, memory)
+        tied = s.tied_points(x, v, memory, SCHEMES[self.model.integrator].velocity_memory)
         p.launch(
             project_velocities, s.island_count, [params, s.islands, bodies, tied, s.parts, s.row_table, s.matrix], GRAIN
         )

@@ -227,11 +227,11 @@ class System:
             setattr(b, f"{name}1", getattr(ahead, name))
         return b
 
-    def tied_points(self, x: wp.array, v: wp.array, memory: wp.array) -> TiedPoints:
-        """The struct for mass points at ``x``, ``v``."""
+    def tied_points(self, x: wp.array, v: wp.array, memory: wp.array, lags: bool = False) -> TiedPoints:
+        """The struct for mass points at ``x``, ``v``; ``lags``: v lags by a step, ``memory`` is Verlet's w."""
         t = TiedPoints()
         t.point, t.mass, t.x_free, t.push = self.tied_index, self.points_mass, self.x_free, self.tied_push
-        t.x, t.v, t.memory = x, v, memory
+        t.x, t.v, t.memory, t.lags = x, v, memory, int(lags)
         return t
 
 

@@ -125,8 +125,6 @@ class Stepper:
         on = scheme.landing(r)
         counted = self.model.device_arrays["counted_mass"]
         memory = ahead.memory if scheme.velocity_memory else r.scratch("no memory")
-        if self.articulated.exists:
-            self.articulated.record_prediction(p, on.v, memory)
         self.certificate.record_momentum(p, counted, ahead.x, ahead.v, "before")
         p.barrier()
         r.land(on)
