@@ -155,3 +155,23 @@ def test_a_step_taken_back_leaves_soft_bodies_as_they_were() -> None:
         assert report.halvings == (3 if spin else 0)
         ends.append(simulation.positions("r").copy())
     assert ends[0] == pytest.approx(ends[1], abs=1e-10), "falls as with the small step"
+
+
+@pytest.mark.parametrize("solver", ["equality", "displacement"])
+def test_joints_come_and_go_under_both_solvers(solver: str) -> None:
+    simulation = turnbuckle.Simulation(chain(4, solver=solver, displacement={"tolerance": 1e-9}))
+    simulation.run(0.005)
+    simulation.remove_constraint("j1")
+    simulation.run(0.005)
+    simulation.add_constraint("ball", "a", body1="b1", anchor=simulation.center("b1"))
+    simulation.add_constraint("weld", "b", body1="b3", anchor=simulation.center("b3"))
+    places = {name: simulation.center(name).copy() for name in ("b1", "b3")}
+    for _ in range(20):
+        assert simulation.step().status != "failed"
+        for name, place in places.items():
+            assert np.linalg.norm(simulation.center(name) - place) < 1e-6
+    simulation.remove_constraint("a")
+    simulation.run(0.02)
+    assert np.linalg.norm(simulation.center("b1") - places["b1"]) > 1e-4
+    for name in ("j0", "j2", "j3", "b"):
+        assert simulation.residuals(name).max() < 1e-6

@@ -58,6 +58,7 @@ def unpack_joints(
     joints = {}
     for entry in packed["joints"]:
         name = entry["name"]
+        definition: object
         if entry["live"]:
             definition = JOINTS[entry["kind"]].model_validate(json.loads(entry["definition"]))
         else:

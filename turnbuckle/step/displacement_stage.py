@@ -6,7 +6,7 @@ them and the mass points tied to them onto their joints, and velocities follow t
 that nothing corrects keeps its exact free motion; under the paper's motion all of step 3 is as printed.
 """
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import warp as wp
@@ -40,7 +40,10 @@ class DisplacementStage:
         """Make ready for the joints that act now."""
         model, state, system = self.model, self.state, self.system
         joints = list(state.joints.values())
-        acting = np.array([j.acting for j in joints], dtype=bool)
+        number = np.full(state.parts.count, len(joints))  # of each part's joint here; parts of removed joints have the last
+        for i, joint in enumerate(joints):
+            number[joint.parts] = i
+        acting = np.array([*(j.acting for j in joints), False], dtype=bool)
         weights = system.ties.weights.tocsr()
         weights.sort_indices()
         e = system.entries
@@ -56,7 +59,7 @@ class DisplacementStage:
             names=[names.get((kinds[k], r), "tie") for k, r in zip(system.ties.kind, system.ties.row, strict=True)],
         )
         self.solver = Displacement(
-            model.rigid, state.parts, joints, self.options, acting=acting, domains=state.domains, ties=ties,
+            model.rigid, replace(state.parts, joint=number), joints, self.options, acting=acting, domains=state.domains, ties=ties,
             point_mass=model.mass[system.tied],
         )  # fmt: skip
 
