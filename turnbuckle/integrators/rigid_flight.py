@@ -132,6 +132,7 @@ def close_positions(
         worst = real(0.0)
         missed = real(0.0)
         size = real(0.0)
+        most = real(0.0)  # impulse
         clear_right_side(islands, m, island)
         for i in range(first, last):
             p = known(islands.part[known(i)])
@@ -145,6 +146,7 @@ def close_positions(
             for r in range(parts.rows[p]):
                 k = known(EACH * p + r)
                 changed += revise(parts, rows, p, k, h)
+                most = wp.max(most, wp.abs(rows.impulse[k]))
                 if acts(parts, rows, p, k) == 1:
                     g = residual_of(parts, rows, p, k, h)
                     m.x[known(s + r)] = -g / h
@@ -159,7 +161,7 @@ def close_positions(
             stale = 1
             before = real(1e300)
             continue
-        left = balance(islands, bodies, m, island, h)
+        left = balance(islands, bodies, m, island, h, real(4.0) * ROUND * size * most)
         if worst <= CLOSED + ROUND * size and left <= BALANCED + ROUND * size:
             going = 0
         worst = wp.max(worst, left)

@@ -54,8 +54,9 @@ def take_impulses(islands: Islands, bodies: Bodies, island: int):
 
 
 @wp.func
-def balance(islands: Islands, bodies: Bodies, m: BlockMatrix, island: int, h: real):
-    """Right sides of the equations of motion of the flight; the largest [m or rad]."""
+def balance(islands: Islands, bodies: Bodies, m: BlockMatrix, island: int, h: real, noise: real):
+    """Right sides of the equations of motion of the flight; the largest [m or rad] above what round-off makes of an angular
+    impulse, ``noise`` [N m s]."""
     worst = real(0.0)
     for i in range(islands.body_start[island], islands.body_start[island + 1]):
         b = known(islands.body[known(i)])
@@ -66,7 +67,9 @@ def balance(islands: Islands, bodies: Bodies, m: BlockMatrix, island: int, h: re
             m.x[known(s + k)] = dp[k]
             m.x[known(s + 3 + k)] = dl[k]
         dw = turned_inertia(bodies.q0[b], bodies.inverse_inertia[b], dl)
-        worst = wp.max(worst, wp.max(wp.length(dp) * bodies.inverse_mass[b], wp.length(dw)) * h)
+        ease = bodies.inverse_inertia[b]
+        floor = noise * wp.max(ease[0], wp.max(ease[1], ease[2]))
+        worst = wp.max(worst, wp.max(wp.length(dp) * bodies.inverse_mass[b], wp.length(dw) - floor) * h)
     return worst
 
 

@@ -23,6 +23,7 @@ from turnbuckle.step.rigid_measures import RigidMeasures
 from turnbuckle.step.row_forces import write_row_forces
 
 TOLERANCE = 1e-10  # [m, rad, m/s, rad/s]: what a joint may miss by in a step that is "ok"
+LOST = 1e-4  # [m or rad]: joints that a step opens by more than this were lost, unless they were open before
 GRAIN = 16  # points that a body is as much work as
 
 
@@ -33,6 +34,7 @@ class Articulated:
         self.model, self.state = model, state
         self.ahead = RigidState.at_rest(model.rigid.count, model.device)
         self.exists = model.rigid.count > 1
+        self._open = np.inf  # what joints missed by after the last step [m or rad]
         self._halves = 1.0 if model.rigid_motion == "paper" else 2.0  # of a step in which the position impulses act
 
     def follow(self) -> None:
@@ -137,6 +139,7 @@ class Articulated:
         """The end of the step becomes the state."""
         state, system = self.state, self.system
         state.rigid, self.ahead = self.ahead, state.rigid
+        self._open = float(host(system.islands.worst).max())
         table = system.row_table
         state.impulse, state.active = np.stack([host(table.impulse), host(table.impulse1)]), host(table.active)
         if len(system.ties.target):
@@ -148,9 +151,14 @@ class Articulated:
         total = self._halves * host(table.impulse)[n:] + host(table.impulse1)[n:]
         return total[: 3 * len(self.system.ties.target)].reshape(-1, 3) / dt
 
-    def rotation(self) -> float:
-        """Largest rotation of a body in the step [rad]."""
-        return float(host(self.system.islands.angle).max())
+    def went_wrong(self) -> bool:
+        """Whether the step turned a body too far, or Newton's method was lost: a smaller step may do."""
+        return not float(host(self.system.islands.angle).max()) <= self.model.max_rotation or self.lost()
+
+    def lost(self) -> bool:
+        """Whether joints that were closed came apart in the step."""
+        worst = float(host(self.system.islands.worst).max())
+        return not worst <= max(LOST, 10.0 * self._open)
 
     # Recording -----------------------------------------------------------------------------------------------------
 

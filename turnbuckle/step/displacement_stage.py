@@ -40,7 +40,9 @@ class DisplacementStage:
         """Make ready for the joints that act now."""
         model, state, system = self.model, self.state, self.system
         joints = list(state.joints.values())
-        number = np.full(state.parts.count, len(joints))  # of each part's joint here; parts of removed joints have the last
+        number = np.full(
+            state.parts.count, len(joints)
+        )  # of each part's joint here; parts of removed joints have the last
         for i, joint in enumerate(joints):
             number[joint.parts] = i
         acting = np.array([*(j.acting for j in joints), False], dtype=bool)

@@ -104,9 +104,12 @@ class Stepper:
         except (FloatingPointError, np.linalg.LinAlgError) as error:
             self._restore(before)
             return self._failed(dt, str(error))
-        if self.articulated.exists and not last and self.articulated.rotation() > model.max_rotation:
+        if self.articulated.exists and not last and self.articulated.went_wrong():
             self._restore(before)
             return None
+        if self.articulated.exists and self.articulated.lost():
+            self._restore(before)
+            return self._failed(dt, "joints came apart", "take a smaller dt, or see what pulls on them")
         report = self._report(dt, program, ramped)
         if report.status == "failed":
             self._restore(before)
@@ -279,8 +282,8 @@ class Stepper:
         report.status = "degraded" if report.messages else "ok"
         return report
 
-    def _failed(self, dt: float, what: str) -> StepReport:
-        advice = "take a smaller dt, more damping or less stiffness, or an implicit integrator"
+    def _failed(self, dt: float, what: str, advice: str = "") -> StepReport:
+        advice = advice or "take a smaller dt, more damping or less stiffness, or an implicit integrator"
         if what.startswith("force "):
             advice = "mend the force field"
         return StepReport(
