@@ -220,10 +220,10 @@ def tied_rows(state: State, group: Group) -> np.ndarray:
 
 
 def _check_tied(model: Model, group: Group) -> None:
-    if model.integrator in ("explicit_euler", "implicit_euler", "newmark"):
+    if model.integrator in ("explicit_euler", "beeman", "implicit_euler", "newmark"):
         raise InputError(
             f"constraint '{group.name}' takes a point of a rigid body, which integrator {model.integrator!r} cannot tie to "
-            "mass points; use verlet, velocity_verlet, beeman, euler_cromer, midpoint, rk2 or rk4"
+            "mass points; use verlet, velocity_verlet, euler_cromer, midpoint, rk2 or rk4"
         )
     if model.response == "paper":
         raise InputError(f"constraint '{group.name}' takes a point of a rigid body: use response: exact")

@@ -77,6 +77,7 @@ class Parts:
     target: wp.array(dtype=wp.float64)
     time_constant: wp.array(dtype=wp.float64)
     max_force: wp.array(dtype=wp.float64)
+    partner: wp.array(dtype=wp.int32)  # motors: the row that limits what they drive, -1 without
     normal: wp.array(dtype=wp.vec3d)  # (3 n,) held directions of curves, surfaces and user domains, in b's frame
     normal0: wp.array(dtype=wp.vec3d)  # (3 n,) at the start of the step: where forces point
     node: wp.array(dtype=wp.int32)  # in the order of elimination

@@ -5,7 +5,7 @@ import warp as wp
 from turnbuckle.constraints.joints.evaluate import evaluate
 from turnbuckle.data.articulated import EACH, MOTOR, SOFT, Bodies, Islands, Parts, RowTable, TiedPoints
 from turnbuckle.integrators.rigid_motion import fly
-from turnbuckle.integrators.rigid_rows import CLOSED, residual_of
+from turnbuckle.integrators.rigid_rows import CLOSED, follow_twist, residual_of
 from turnbuckle.linalg.block_ldl import RANK, BlockMatrix
 from turnbuckle.math.index import known
 from turnbuckle.math.types import real
@@ -97,6 +97,7 @@ def close_at_end(
             if parts.on[p] == 0:
                 continue
             evaluate(parts, rows, bodies, points, p, 1, 1)
+            follow_twist(parts, rows, p)
             s = m.scalar[known(parts.node[p])]
             for r in range(parts.rows[p]):
                 k = known(EACH * p + r)

@@ -20,8 +20,8 @@ equations to first order, directions of the start.
 
 import warp as wp
 
-from turnbuckle.constraints.joints.evaluate import evaluate
-from turnbuckle.data.articulated import EACH, MOTOR, SOFT, Bodies, Islands, Parts, RowTable, TiedPoints
+from turnbuckle.constraints.joints.evaluate import TWIST, evaluate
+from turnbuckle.data.articulated import AT, EACH, MOTOR, SOFT, Bodies, Islands, Parts, RowTable, TiedPoints
 from turnbuckle.data.state import H
 from turnbuckle.integrators.rigid_closing import close_at_end
 from turnbuckle.integrators.rigid_motion import kick
@@ -33,7 +33,15 @@ from turnbuckle.integrators.rigid_newton import (
     take_impulses,
     take_newton_step,
 )
-from turnbuckle.integrators.rigid_rows import CLOSED, middle_rows, outside, residual_of, revise
+from turnbuckle.integrators.rigid_rows import (
+    CLOSED,
+    follow_twist,
+    middle_rows,
+    nearest_turn,
+    outside,
+    residual_of,
+    revise,
+)
 from turnbuckle.linalg.block_ldl import RANK, BlockMatrix
 from turnbuckle.math.index import known
 from turnbuckle.math.rotation import rotation_log, turned_inertia
@@ -69,6 +77,8 @@ def start_rows(
         evaluate(parts, rows, bodies, points, p, 0, 1)
         for r in range(parts.rows[p]):
             k = known(EACH * p + r)
+            if parts.kind[p] == TWIST and rows.mode[k] != AT:
+                rows.s[k] = nearest_turn(rows.s[k], parts.lo[p], parts.hi[p])
             rows.s0[k] = rows.s[k]
             rows.rate0[k] = rate_of(parts, rows, bodies, points, p, r, 0)
             rows.line0[k] = rows.line[k]
@@ -141,6 +151,7 @@ def close_positions(
             evaluate(parts, rows, bodies, points, p, 1, 1 - islands.paper)
             if islands.paper == 0:
                 middle_rows(parts, rows, bodies, p, 0)
+            follow_twist(parts, rows, p)
             s = m.scalar[known(parts.node[p])]
             size = wp.max(size, wp.length(bodies.x1[parts.a[p]]))
             for r in range(parts.rows[p]):
@@ -162,7 +173,7 @@ def close_positions(
             before = real(1e300)
             continue
         left = balance(islands, bodies, m, island, h, real(4.0) * ROUND * size * most)
-        if worst <= CLOSED + ROUND * size and left <= BALANCED + ROUND * size:
+        if worst <= CLOSED + ROUND * size and left <= BALANCED / wp.max(size, real(1.0)) + ROUND * size:
             going = 0
         worst = wp.max(worst, left)
         if first == last or count >= ITERATIONS:
@@ -229,7 +240,10 @@ def close_positions(
     angle = real(0.0)
     for i in range(islands.body_start[island], islands.body_start[island + 1]):
         b = known(islands.body[known(i)])
+        # not the angle between both poses alone: a body may have turned more than once
+        rate = wp.length(turned_inertia(bodies.q0[b], bodies.inverse_inertia[b], bodies.momentum[b]))
         angle = wp.max(angle, wp.length(rotation_log(bodies.q1[b] * wp.quat_inverse(bodies.q0[b]))))
+        angle = wp.max(angle, h * wp.max(rate, wp.length(bodies.w0[b])))
         if islands.paper == 0:
             bodies.w1[b] = turned_inertia(bodies.q1[b], bodies.inverse_inertia[b], bodies.momentum[b])
     islands.angle[island] = angle

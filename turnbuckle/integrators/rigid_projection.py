@@ -5,7 +5,7 @@ import warp as wp
 from turnbuckle.constraints.joints.evaluate import MOTOR_TWIST, evaluate
 from turnbuckle.data.articulated import EACH, LIMIT, MOTOR, SOFT, Bodies, Islands, Parts, RowTable, TiedPoints
 from turnbuckle.data.state import GRAVITY, H
-from turnbuckle.integrators.rigid_rows import CHANGES, wanted_rate
+from turnbuckle.integrators.rigid_rows import CHANGES, UNBOUND, blocked, follow_twist, outside, wanted_rate
 from turnbuckle.linalg.block_ldl import RANK, BlockMatrix
 from turnbuckle.math.index import known
 from turnbuckle.math.rotation import turned_inertia
@@ -14,6 +14,9 @@ from turnbuckle.solvers.equality import acts, clear_right_side, factor_island, r
 
 wp.set_module_options({"enable_backward": False})
 
+OPEN = wp.constant(
+    wp.float64(1e-7)
+)  # [m or rad] by which a limit was passed before the step: it began open, or was switched on
 TOUCH = wp.constant(wp.float64(1e-9))  # [m or rad] from a limit on which velocities obey it
 
 
@@ -59,7 +62,7 @@ def rate_error(parts: Parts, rows: RowTable, bodies: Bodies, points: TiedPoints,
     if mode == LIMIT:
         if rows.active[k] != 0:
             approach = rows.rate0[k] * real(rows.active[k])
-            if approach < real(0.0):
+            if approach < real(0.0) and wp.abs(outside(rows.s0[k], parts.lo[p], parts.hi[p])) <= OPEN:
                 rate += parts.restitution[p] * rows.rate0[k]
     elif mode == MOTOR:
         twist = int(0)
@@ -105,6 +108,7 @@ def project_velocities(
     for i in range(first, last):
         p = known(islands.part[known(i)])
         evaluate(parts, rows, bodies, points, p, 1, 1)
+        follow_twist(parts, rows, p)
         for r in range(parts.rows[p]):
             k = known(EACH * p + r)
             rows.impulse1[k] = real(0.0)
@@ -159,6 +163,8 @@ def project_velocities(
                 mode = rows.mode[k]
                 if mode == LIMIT and rows.active[k] != 0:
                     given = rows.impulse[k] * twice
+                    if wp.abs(outside(rows.s0[k], parts.lo[p], parts.hi[p])) > OPEN:
+                        continue  # it was open, and is closed by a blow: what that leaves of speed goes, both ways
                     if (given + rows.impulse1[k]) * real(rows.active[k]) < real(0.0) and rows.changes[k] < CHANGES:
                         rows.active[k] = 0
                         rows.impulse1[k] = -given
@@ -177,7 +183,14 @@ def project_velocities(
                         changed += 1
                 elif mode == MOTOR:
                     most = half * parts.max_force[p]
-                    if rows.active[k] == 0:
+                    against = blocked(parts, rows, p, rows.s[k])
+                    if rows.active[k] == 0 and against != 0:
+                        if parts.max_force[p] >= UNBOUND:
+                            most = real(0.0)
+                        rows.active[k] = against
+                        rows.impulse1[k] = most * real(against) - rows.impulse[k] * twice
+                        changed += 1
+                    elif rows.active[k] == 0:
                         side = int(0)
                         given = rows.impulse[k] * twice
                         if given + rows.impulse1[k] > most:

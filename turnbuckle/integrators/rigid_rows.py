@@ -11,6 +11,7 @@ from turnbuckle.math.types import real, vec3
 wp.set_module_options({"enable_backward": False})
 
 CLOSED = wp.constant(wp.float64(2e-13))  # [m or rad] a row may be left with; round-off of large coordinates is added
+UNBOUND = wp.constant(wp.float64(1e299))  # a force without limit
 CHANGES = wp.constant(4)  # of a row's activity in a step before it stays on
 
 
@@ -18,6 +19,41 @@ CHANGES = wp.constant(4)  # of a row's activity in a step before it stays on
 def outside(s: real, lo: real, hi: real):
     """How far ``s`` is outside of [lo, hi], signed."""
     return wp.max(s - hi, real(0.0)) + wp.min(s - lo, real(0.0))
+
+
+@wp.func
+def nearest_turn(s: real, lo: real, hi: real):
+    """A twist ``s`` in (-pi, pi] near its ends, or a turn more or less where that is nearer to [lo, hi] [rad]."""
+    turn = real(6.283185307179586)
+    out = s
+    if s < real(-2.0) and wp.abs(outside(s + turn, lo, hi)) < wp.abs(outside(s, lo, hi)):
+        out = s + turn
+    if s > real(2.0) and wp.abs(outside(s - turn, lo, hi)) < wp.abs(outside(s, lo, hi)):
+        out = s - turn
+    return out
+
+
+@wp.func
+def follow_twist(parts: Parts, rows: RowTable, p: int):
+    """Let the bounded twist of part ``p`` go on from that of the start of the step, past pi."""
+    i = known(EACH * p)
+    if parts.kind[p] == TWIST and rows.mode[i] != AT:
+        rows.s[i] = rows.s0[i] + wrapped(rows.s[i] - rows.s0[i])
+
+
+@wp.func
+def blocked(parts: Parts, rows: RowTable, p: int, s: real):
+    """For a motor: +1 or -1 where it drives that way against a limit that is reached, else 0."""
+    partner = parts.partner[p]
+    if partner < 0:
+        return 0
+    side = rows.active[partner]
+    twist = int(0)
+    if parts.kind[p] == MOTOR_TWIST:
+        twist = 1
+    if side != 0 and wanted_rate(parts, p, s, twist) * real(side) <= real(0.0):
+        return -side
+    return 0
 
 
 @wp.func
@@ -107,7 +143,14 @@ def revise(parts: Parts, rows: RowTable, p: int, i: int, h: real):
                 again = 1
     else:
         most = real(0.5) * h * parts.max_force[p]
-        if active == 0:
+        against = blocked(parts, rows, p, s)
+        if against != 0:
+            wanted = against
+            if parts.max_force[p] >= UNBOUND:
+                most = real(0.0)  # the limit holds, and the motor rests
+        elif parts.max_force[p] >= UNBOUND:
+            wanted = 0
+        elif active == 0:
             if rows.impulse[i] > most:
                 wanted = 1
             elif rows.impulse[i] < -most:

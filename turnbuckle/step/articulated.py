@@ -7,10 +7,10 @@ from turnbuckle.compute import Program, host
 from turnbuckle.constraints import rows as constraint_rows
 from turnbuckle.data.model import Model
 from turnbuckle.data.report import StepReport
-from turnbuckle.data.rigid import ROWS, RigidState
+from turnbuckle.data.rigid import DYNAMIC, ROWS, RigidState
 from turnbuckle.data.state import H, State
 from turnbuckle.data.tables import TIED
-from turnbuckle.geometry.quaternions import cross, rotate
+from turnbuckle.geometry.quaternions import conjugate, cross, rotate
 from turnbuckle.integrators import SCHEMES
 from turnbuckle.integrators.rigid_flight import close_positions
 from turnbuckle.integrators.rigid_points import place_points, remember_points
@@ -34,6 +34,7 @@ class Articulated:
         self.model, self.state = model, state
         self.ahead = RigidState.at_rest(model.rigid.count, model.device)
         self.exists = model.rigid.count > 1
+        self._damped = bool(model.rigid.damping.any())
         self._open = np.inf  # what joints missed by after the last step [m or rad]
         self._halves = 1.0 if model.rigid_motion == "paper" else 2.0  # of a step in which the position impulses act
 
@@ -41,6 +42,7 @@ class Articulated:
         """Catch up with joints or ties that were added, removed or switched, and with bodies that were put elsewhere."""
         self._stay()
         self.system = System(self.model, self.state)
+        self._open = np.inf
         self.certificate = JointCertificate(self.state, self.model.device)
         self.search = DomainSearch(self.state, self.system)
         self.measures = RigidMeasures(self.model, self.state, self.system)
@@ -140,10 +142,25 @@ class Articulated:
         state, system = self.state, self.system
         state.rigid, self.ahead = self.ahead, state.rigid
         self._open = float(host(system.islands.worst).max())
+        if self.loaded or self._damped:
+            works = [self._powers(at) for at in (state.rigid, self.ahead)]
+            state.work += 0.5 * dt * (works[0][0] + works[1][0])
+            state.dissipation += 0.5 * dt * (works[0][1] + works[1][1])
         table = system.row_table
         state.impulse, state.active = np.stack([host(table.impulse), host(table.impulse1)]), host(table.active)
         if len(system.ties.target):
             write_row_forces(state, system.ties, self.tie_forces(dt), add=False)
+
+    def _powers(self, at: RigidState) -> tuple[float, float]:
+        """Power of loads, and what linear and angular damping take [W]; those of joints are not in it."""
+        bodies = self.model.rigid
+        q, v, w = (host(getattr(at, name)) for name in "qvw")
+        moves = (bodies.motion == DYNAMIC).astype(float)
+        work = float(moves @ np.sum(host(at.force) * v + host(at.torque) * w, axis=1))
+        local = rotate(conjugate(q), w)
+        spin = np.sum(bodies.inertia * local * local, axis=1)
+        lost = bodies.damping[:, 0] * bodies.mass * np.sum(v * v, axis=1) + bodies.damping[:, 1] * spin
+        return work, float(moves @ lost)
 
     def tie_forces(self, dt: float) -> np.ndarray:
         """Mean forces of ties in the last step (ties, 3) [N]."""
@@ -331,6 +348,7 @@ class Articulated:
 
     def _switch_parts(self) -> None:
         """Tell the device which parts act; under the displacement solver its kernels close none."""
+        self._open = np.inf  # joints that begin to act may be open
         on = np.ones(self.system.parts.on.shape[0], dtype=np.int32)
         on[: self.state.parts.count] = self.system.switches(self.state)
         self.system.acting.assign(on)

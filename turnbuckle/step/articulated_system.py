@@ -7,7 +7,7 @@ import scipy.sparse as sp
 import warp as wp
 
 from turnbuckle.constraints import rows as constraint_rows
-from turnbuckle.constraints.joints.modes import row_modes
+from turnbuckle.constraints.joints.modes import limits_of_motors, row_modes
 from turnbuckle.data import rigid
 from turnbuckle.data.articulated import EQUAL, NONE, Bodies, Islands, Parts, RowTable, TiedPoints
 from turnbuckle.data.model import Model
@@ -123,6 +123,9 @@ class System:
         p.rows = self._put(self.rows, wp.int32)
         p.on = self._put(np.r_[self.switches(state), np.ones(extra)], wp.int32)
         self.acting = wp.clone(p.on)  # what is measured; `on` is what the kernels close
+        partner = np.full(n, -1)
+        partner[: given.count] = limits_of_motors(given, modes)
+        p.partner = self._put(partner, wp.int32)
         p.normal = wp.zeros(max(3 * n, 1), dtype=wp.vec3d, device=self.device)
         p.normal0 = wp.zeros(max(3 * n, 1), dtype=wp.vec3d, device=self.device)
         p.node = self._put(number[self.movable :], wp.int32)

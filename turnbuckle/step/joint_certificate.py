@@ -122,9 +122,13 @@ def measure_joints(
         n = wp.cross(z_b, z_a)  # swing x_b the short way from z_b to z_a: Rodrigues
         x_b = x_b + wp.cross(n, x_b) + wp.cross(n, wp.cross(n, x_b)) / (real(1.0) + wp.dot(z_a, z_b))
         s = wp.atan2(wp.dot(wp.cross(x_b, x_a), z_a), wp.dot(x_a, x_b))
+        turn = real(6.283185307179586)
+        if s < real(-2.0) and wp.abs(beyond(s + turn, lo, hi)) < wp.abs(beyond(s, lo, hi)):
+            s = s + turn
+        elif s > real(2.0) and wp.abs(beyond(s - turn, lo, hi)) < wp.abs(beyond(s, lo, hi)):
+            s = s - turn
         rotation = wp.abs(beyond(s, lo, hi))
         if lo == hi:
-            turn = real(6.283185307179586)
             rotation = wp.abs((s - lo) - turn * wp.round((s - lo) / turn))
         spin = leaving(s, wp.dot(w, z_a + z_b) / (real(1.0) + wp.dot(z_a, z_b)), lo, hi)
     elif kind == FIXED:

@@ -14,7 +14,7 @@ import warp as wp
 from turnbuckle.data import rigid
 from turnbuckle.data.articulated import LIMIT, MOTOR, NONE, SOFT
 from turnbuckle.data.model import Model
-from turnbuckle.data.rigid import ROWS, RigidState
+from turnbuckle.data.rigid import FREE, ROWS, RigidState
 from turnbuckle.data.state import State
 from turnbuckle.geometry.quaternions import conjugate, exponential, multiply, rotate
 from turnbuckle.integrators.rigid_points import row_directions
@@ -29,6 +29,7 @@ def reactions(model: Model, state: State, articulated: Any) -> tuple[np.ndarray,
     n = state.parts.count
     if not hasattr(articulated, "system"):
         articulated.follow()
+    articulated.update_windows(max(state.dt, 1e-9))  # joints that act from now on
     system = articulated.system
     bodies = model.rigid
     now = {name: getattr(state.rigid, name).numpy().copy() for name in "xqvw"}
@@ -122,7 +123,8 @@ def _known(state: State, system: Any, now: dict[str, np.ndarray], rate: np.ndarr
         out[row] = -state.parts.stiffness[soft] * off - np.where(outside, state.parts.damping[soft] * rate[row], 0.0)
     active = system.row_table.active.numpy()[: ROWS * n].reshape(n, ROWS)
     motor = np.flatnonzero((mode[:, 0] == MOTOR) & on & (active[:, 0] != 0))
-    out[ROWS * motor] = active[motor, 0] * state.parts.max_force[motor]
+    limited = state.parts.max_force[motor] < FREE  # one without limit rests against its stop
+    out[ROWS * motor] = np.where(limited, active[motor, 0] * np.minimum(state.parts.max_force[motor], FREE), 0.0)
     return out
 
 

@@ -35,3 +35,15 @@ def row_modes(parts: JointParts) -> tuple[np.ndarray, np.ndarray]:
     looked_up = np.isin(parts.kind, (rigid.CURVE, rigid.SURFACE, rigid.CALLABLE))
     rows[looked_up] = 3  # their modes are set with every look
     return rows, modes
+
+
+def limits_of_motors(parts: JointParts, modes: np.ndarray) -> np.ndarray:
+    """The limit row (part * ROWS + row) of what each motor drives (k,), -1 where there is none and for all other parts."""
+    out = np.full(parts.count, -1, dtype=np.int64)
+    for motor, driven in ((rigid.MOTOR_AXIAL, rigid.SEGMENT), (rigid.MOTOR_TWIST, rigid.TWIST)):
+        for m in np.flatnonzero(parts.kind == motor):
+            for part in np.flatnonzero((parts.kind == driven) & (parts.joint == parts.joint[m])):
+                row = np.flatnonzero(modes[part] == int(LIMIT))
+                if len(row):
+                    out[m] = ROWS * part + row[0]
+    return out
