@@ -7,7 +7,7 @@ in the body's principal axes
 
 are polynomial, so their Taylor series follows from products of series:
 ``(k+1) u_{k+1} = sum_j u_j x w_{k-j}``, ``(k+1) q_{k+1} = 1/2 sum_j q_j w_{k-j}``. Steps are cut so that the series
-converge like ``0.5^k / k!``. `paper_rotation` is (4) of Displacement, with R made orthonormal again.
+converge like ``0.2^k / k!``. `paper_rotation` is (4) of Displacement, with R made orthonormal again.
 """
 
 import warp as wp
@@ -17,9 +17,9 @@ from turnbuckle.math.types import real, vec3
 
 wp.set_module_options({"enable_backward": False})
 
-ORDER = 14
-ANGLE = 0.5  # [rad], of a substep at most
-MOST = 64  # substeps
+ORDER = 10
+ANGLE = 0.2  # [rad], of a substep at most
+MOST = 160  # substeps
 _Vectors = wp.types.matrix(shape=(ORDER + 1, 3), dtype=wp.float64)
 _Quaternions = wp.types.matrix(shape=(ORDER + 1, 4), dtype=wp.float64)
 

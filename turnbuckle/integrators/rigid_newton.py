@@ -27,11 +27,31 @@ def gather_impulses(
         points.push[islands.point[i]] = vec3()
     for i in range(islands.part_start[island], islands.part_start[island + 1]):
         p = known(islands.part[known(i)])
-        if parts.on[p] == 1:
+        if parts.on[p] == 0:
+            continue
+        if parts.tie[p + 1] > parts.tie[p]:
             for r in range(parts.rows[p]):
                 impulse = rows.impulse[known(EACH * p + r)]
                 if impulse != real(0.0):
                     scatter_part(parts, rows, bodies, points, p, r, impulse, ahead)
+            continue
+        push = vec3()  # all rows of a part together: they share both bodies
+        turn_a = vec3()
+        turn_b = vec3()
+        for r in range(parts.rows[p]):
+            k = known(EACH * p + r)
+            impulse = rows.impulse[k]
+            push += rows.line[k] * impulse
+            turn_a += rows.t_a[k] * impulse
+            turn_b += rows.t_b[k] * impulse
+        a = known(parts.a[p])
+        b = known(parts.b[p])
+        if parts.place_a[p] >= 0:
+            bodies.push[a] = bodies.push[a] + push
+            bodies.turn[a] = bodies.turn[a] + turn_a
+        if parts.place_b[p] >= 0:
+            bodies.push[b] = bodies.push[b] - push
+            bodies.turn[b] = bodies.turn[b] - turn_b
 
 
 @wp.func

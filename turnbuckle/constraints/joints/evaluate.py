@@ -55,6 +55,20 @@ def evaluate(parts: Parts, rows: RowTable, bodies: Bodies, points: TiedPoints, p
         return
     a = parts.a[p]
     b = parts.b[p]
+    if kind == POINT:  # the most frequent: it needs no frames
+        at = Sides()
+        if ahead == 1:
+            at.x_a = bodies.x1[a]
+            at.x_b = bodies.x1[b]
+            at.p = at.x_a + wp.quat_rotate(bodies.q1[a], parts.p_a[p])
+            at.o = at.x_b + wp.quat_rotate(bodies.q1[b], parts.p_b[p])
+        else:
+            at.x_a = bodies.x0[a]
+            at.x_b = bodies.x0[b]
+            at.p = at.x_a + wp.quat_rotate(bodies.q0[a], parts.p_a[p])
+            at.o = at.x_b + wp.quat_rotate(bodies.q0[b], parts.p_b[p])
+        point_rows(rows, i, at, freeze)
+        return
     now = sides_of(parts, p, bodies.x1[a], bodies.q1[a], bodies.x1[b], bodies.q1[b])
     if ahead == 0 or kind == ROLLING:
         start = sides_of(parts, p, bodies.x0[a], bodies.q0[a], bodies.x0[b], bodies.q0[b])
@@ -68,9 +82,7 @@ def evaluate(parts: Parts, rows: RowTable, bodies: Bodies, points: TiedPoints, p
             rolling_rows(rows, i, parts.hi[p], parts.lo[p], now, start, turn_a, turn_b, freeze)
             return
         now = start
-    if kind == POINT:
-        point_rows(rows, i, now, freeze)
-    elif kind == SEGMENT:
+    if kind == SEGMENT:
         segment_rows(rows, i, count, now, freeze)
     elif kind == RING:
         ring_rows(rows, i, count, now, freeze)
