@@ -117,7 +117,7 @@ class RowTable:
     t0: wp.array(dtype=wp.vec3d)  # of torque rows
     line_mid: wp.array(dtype=wp.vec3d)  # in its middle: where the impulses of the position stage act
     t_mid: wp.array(dtype=wp.vec3d)  # their torque on a
-    dropped: wp.array(dtype=wp.int32)  # 1: repeats other rows
+    dropped: wp.array(dtype=wp.int32)  # 1: repeats other rows, or may do (joints have begun to act)
 
 
 @wp.struct

@@ -134,6 +134,14 @@ def close_positions(
     size = real(0.0)
     missed = real(0.0)  # of rows that were dropped
     rank = real(RANK)
+    repeats = islands.paper  # 1: some rows repeat others, or may do
+    if warm == real(0.0):
+        repeats = 1
+    for i in range(first, last):
+        p = known(islands.part[known(i)])
+        for r in range(parts.rows[p]):
+            if rows.dropped[known(EACH * p + r)] == 1:
+                repeats = 1
     stepped = int(0)  # 1: the last thing was a step of Newton's method
     before = real(1e300)
     while going == 1:
@@ -170,6 +178,7 @@ def close_positions(
             take_impulses(islands, bodies, island)
             passes += 1
             stale = 1
+            repeats = 1
             before = real(1e300)
             continue
         left = balance(islands, bodies, m, island, h, real(4.0) * ROUND * size * most)
@@ -181,6 +190,7 @@ def close_positions(
         elif going == 1 and rank < SINGULAR and (count == TRIES or not (worst < real(1e3))):
             # near a singular pose: without the rows that hardly act there, which are closed at the end
             rank = SINGULAR
+            repeats = 1
             count += 1
             stale = 1
             before = real(1e300)
@@ -205,7 +215,7 @@ def close_positions(
             before = worst
             count += 1
             if stale == 1:
-                factor_flight(islands, parts, rows, bodies, points, m, island, h, rank)
+                factor_flight(islands, parts, rows, bodies, points, m, island, h, rank, repeats)
                 stale = 0
             solve_island(islands, m, island)
             take_newton_step(islands, parts, rows, bodies, m, island)

@@ -115,14 +115,16 @@ def take_newton_step(islands: Islands, parts: Parts, rows: RowTable, bodies: Bod
 @wp.func
 def factor_flight(
     islands: Islands, parts: Parts, rows: RowTable, bodies: Bodies, points: TiedPoints, m: BlockMatrix, island: int,
-    h: real, rank: real,
+    h: real, rank: real, start: int,
 ):  # fmt: skip
-    """The matrix of Newton's method: directions of the start, where joints are closed and rows that repeat others show as such
-    (those of the middle repeat each other only to order h^2), and geometric stiffness. Rows dropped have no impulse."""
+    """The matrix of Newton's method: geometric stiffness, and the directions of the middle, which are those of the equations; or
+    with ``start`` those of the start, where joints are closed and rows that repeat others show as such (in the middle they do so
+    only to order h^2). Rows dropped have no impulse."""
     first = islands.part_start[island]
     last = islands.part_start[island + 1]
-    for i in range(first, last):
-        evaluate(parts, rows, bodies, points, known(islands.part[known(i)]), 0, 1)
+    if start == 1:
+        for i in range(first, last):
+            evaluate(parts, rows, bodies, points, known(islands.part[known(i)]), 0, 1)
     factor_island(islands, parts, rows, bodies, points, m, island, 2 * (1 - islands.paper), h, rank)
     for i in range(first, last):
         p = known(islands.part[known(i)])

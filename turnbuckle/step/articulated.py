@@ -15,7 +15,7 @@ from turnbuckle.integrators import SCHEMES
 from turnbuckle.integrators.rigid_flight import close_positions
 from turnbuckle.integrators.rigid_points import place_points, remember_points
 from turnbuckle.integrators.rigid_projection import project_velocities
-from turnbuckle.step.articulated_system import System
+from turnbuckle.step.articulated_system import System, pack_active, unpack_active
 from turnbuckle.step.displacement_stage import DisplacementStage
 from turnbuckle.step.domain_search import DomainSearch
 from turnbuckle.step.joint_certificate import JointCertificate
@@ -78,7 +78,7 @@ class Articulated:
         """Scripted poses at the end of the step, goals of ties, where Newton's method starts."""
         state, system = self.state, self.system
         table = system.row_table
-        self._before = [(a, host(a).copy()) for a in (table.impulse, table.impulse1, table.active)]
+        self._before = [(a, host(a).copy()) for a in (table.impulse, table.impulse1, table.active, table.dropped)]
         warm = dt / state.dt if state.dt > 0.0 else 0.0
         _write(system.islands.warm, np.array([warm]))
         trajectories = self.model.rigid.trajectories
@@ -147,7 +147,10 @@ class Articulated:
             state.work += 0.5 * dt * (works[0][0] + works[1][0])
             state.dissipation += 0.5 * dt * (works[0][1] + works[1][1])
         table = system.row_table
-        state.impulse, state.active = np.stack([host(table.impulse), host(table.impulse1)]), host(table.active)
+        state.impulse, state.active = (
+            np.stack([host(table.impulse), host(table.impulse1)]),
+            pack_active(host(table.active), host(table.dropped)),
+        )
         if len(system.ties.target):
             write_row_forces(state, system.ties, self.tie_forces(dt), add=False)
 
@@ -348,7 +351,10 @@ class Articulated:
 
     def _switch_parts(self) -> None:
         """Tell the device which parts act; under the displacement solver its kernels close none."""
-        self._open = np.inf  # joints that begin to act may be open
+        self._open = np.inf  # joints that begin to act may be open, and repeat others
+        self.system.row_table.dropped.fill_(1)
+        active, _ = unpack_active(self.state.active)
+        self.state.active = pack_active(active, np.ones_like(active))
         on = np.ones(self.system.parts.on.shape[0], dtype=np.int32)
         on[: self.state.parts.count] = self.system.switches(self.state)
         self.system.acting.assign(on)

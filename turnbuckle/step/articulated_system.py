@@ -184,8 +184,7 @@ class System:
         whole = np.full((self.parts_total, ROWS), int(EQUAL), dtype=np.int32)
         whole[: len(modes)] = modes
         table.mode = self._put(whole.ravel() if n > 1 else np.full(1, int(NONE)), wp.int32)
-        for name in ("changes", "dropped"):
-            setattr(table, name, wp.zeros(n, dtype=wp.int32, device=self.device))
+        table.changes = wp.zeros(n, dtype=wp.int32, device=self.device)
         for name in ("s", "s0", "rate0"):
             setattr(table, name, wp.zeros(n, dtype=wp.float64, device=self.device))
         for name in ("line", "at", "t_a", "t_b", "line0", "at0", "t0", "line_mid", "t_mid"):
@@ -194,7 +193,8 @@ class System:
         table.impulse, table.impulse1 = (
             self._put(state.impulse[k] if keep else np.zeros(n), wp.float64) for k in range(2)
         )
-        table.active = self._put(state.active if keep else np.zeros(n), wp.int32)
+        active, dropped = unpack_active(state.active) if keep else (np.zeros(n), np.ones(n))
+        table.active, table.dropped = self._put(active, wp.int32), self._put(dropped, wp.int32)
         return table
 
     def _constant(self, model: Model) -> dict[str, wp.array]:
@@ -236,6 +236,17 @@ class System:
         t.point, t.mass, t.x_free, t.push = self.tied_index, self.points_mass, self.x_free, self.tied_push
         t.x, t.v, t.memory, t.lags = x, v, memory, int(lags)
         return t
+
+
+def pack_active(active: np.ndarray, dropped: np.ndarray) -> np.ndarray:
+    """Both columns of rows as one, for the state."""
+    return active + 10 * dropped
+
+
+def unpack_active(packed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """``active`` (-1, 0, 1) and ``dropped`` (0, 1) of rows."""
+    dropped = (packed + 1) // 10
+    return packed - 10 * dropped, dropped
 
 
 class _Entries:
