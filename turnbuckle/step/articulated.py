@@ -34,6 +34,7 @@ class Articulated:
         self.model, self.state = model, state
         self.ahead = RigidState.at_rest(model.rigid.count, model.device)
         self.exists = model.rigid.count > 1
+        self._power: tuple[float, float] | None = None  # of loads and damping at the last committed state [W]
         self._damped = bool(model.rigid.damping.any())
         self._open = np.inf  # what joints missed by after the last step [m or rad]
         self._halves = 1.0 if model.rigid_motion == "paper" else 2.0  # of a step in which the position impulses act
@@ -111,11 +112,15 @@ class Articulated:
         bodies, pushes = self.model.rigid, self.state.loads
         x, q, v, w = (host(getattr(at, name)) for name in "xqvw")
         force, torque = pushes.force.copy(), pushes.torque.copy()
-        torque += cross(rotate(q, pushes.at), pushes.force)
+        if pushes.at.any():
+            torque += cross(rotate(q, pushes.at), pushes.force)
         for f in self.model.rigid_fields:
             b = f.bodies
-            arm = rotate(q[b], f.at)
-            given = (x[b] + arm, v[b] + cross(w[b], arm), time, bodies.mass[b])
+            place, speed, arm = x[b], v[b], None
+            if f.at.any():
+                arm = rotate(q[b], f.at)
+                place, speed = place + arm, speed + cross(w[b], arm)
+            given = (place, speed, time, bodies.mass[b])
             value = np.asarray(f.force(*given), dtype=float)  # type: ignore[operator]
             turn = np.zeros_like(value) if f.torque is None else np.asarray(f.torque(*given), dtype=float)  # type: ignore[operator]
             if value.shape != (len(b), 3) or turn.shape != (len(b), 3):
@@ -123,7 +128,7 @@ class Articulated:
             if not (np.isfinite(value).all() and np.isfinite(turn).all()):
                 raise FloatingPointError(f"force '{f.name}' is not finite at t = {time:g} s on '{bodies.names[b[0]]}'")
             force[b] += value  # a field names each body once
-            torque[b] += turn + cross(arm, value)
+            torque[b] += turn if arm is None else turn + cross(arm, value)
         _write(at.force, force)
         _write(at.torque, torque)
 
@@ -143,9 +148,12 @@ class Articulated:
         state.rigid, self.ahead = self.ahead, state.rigid
         self._open = float(host(system.islands.worst).max())
         if self.loaded or self._damped:
-            works = [self._powers(at) for at in (state.rigid, self.ahead)]
-            state.work += 0.5 * dt * (works[0][0] + works[1][0])
-            state.dissipation += 0.5 * dt * (works[0][1] + works[1][1])
+            known_power, self._power = self._power, self._powers(self.ahead)
+            before = self._powers(state.rigid) if state.stale or known_power is None else known_power
+            state.work += 0.5 * dt * (before[0] + self._power[0])
+            state.dissipation += 0.5 * dt * (before[1] + self._power[1])
+        else:
+            self._power = None
         table = system.row_table
         state.impulse, state.active = (
             np.stack([host(table.impulse), host(table.impulse1)]),
