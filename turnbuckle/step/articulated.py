@@ -34,7 +34,6 @@ class Articulated:
         self.model, self.state = model, state
         self.ahead = RigidState.at_rest(model.rigid.count, model.device)
         self.exists = model.rigid.count > 1
-        self._power: tuple[float, float] | None = None  # of loads and damping at the last committed state [W]
         self._damped = bool(model.rigid.damping.any())
         self._open = np.inf  # what joints missed by after the last step [m or rad]
         self._halves = 1.0 if model.rigid_motion == "paper" else 2.0  # of a step in which the position impulses act
@@ -148,12 +147,9 @@ class Articulated:
         state.rigid, self.ahead = self.ahead, state.rigid
         self._open = float(host(system.islands.worst).max())
         if self.loaded or self._damped:
-            known_power, self._power = self._power, self._powers(self.ahead)
-            before = self._powers(state.rigid) if state.stale or known_power is None else known_power
-            state.work += 0.5 * dt * (before[0] + self._power[0])
-            state.dissipation += 0.5 * dt * (before[1] + self._power[1])
-        else:
-            self._power = None
+            works = [self._powers(at) for at in (state.rigid, self.ahead)]
+            state.work += 0.5 * dt * (works[0][0] + works[1][0])
+            state.dissipation += 0.5 * dt * (works[0][1] + works[1][1])
         table = system.row_table
         state.impulse, state.active = (
             np.stack([host(table.impulse), host(table.impulse1)]),
