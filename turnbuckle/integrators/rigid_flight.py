@@ -209,7 +209,7 @@ def close_positions(
         if going == 1:
             if worst > real(0.1) * before or (warm == real(0.0) and count == 1):
                 stale = 1
-            if worst < NEARLY and worst < real(0.02) * before:
+            if worst < NEARLY and worst < real(0.001) * before and size < real(100.0):
                 going = 0  # one more step will do
                 stepped = 1
             before = worst
