@@ -10,7 +10,7 @@ from collections.abc import Callable
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 from pydantic.json_schema import SkipJsonSchema
 
 from turnbuckle.scene.base_definition import Definition, exactly_one, problem
@@ -96,6 +96,12 @@ class TrajectoryDef(Definition):
         return self
 
 
+def _trajectory_kind(value: Any) -> str:
+    if value is None:
+        return "<none>"
+    return "<callable>" if callable(value) else "<keyframes>"
+
+
 class RigidDef(BodyBase, ShapeDef):
     """A rigid body. `velocity` (of `BodyBase`) is that of the centre of mass."""
 
@@ -106,7 +112,12 @@ class RigidDef(BodyBase, ShapeDef):
     motion: Literal["dynamic", "immobile", "trajectory"] | None = Field(
         default=None, description="How it moves: dynamic, unless a trajectory is given [text]."
     )
-    trajectory: TrajectoryDef | SkipJsonSchema[Callable[..., Any]] | None = Field(
+    trajectory: Annotated[
+        Annotated[TrajectoryDef, Tag("<keyframes>")]
+        | Annotated[SkipJsonSchema[Callable[..., Any]], Tag("<callable>")]
+        | Annotated[None, Tag("<none>")],
+        Discriminator(_trajectory_kind),
+    ] = Field(
         default=None, description="Keyframes, or in Python t [s] -> (position (3,) [m], rotation vector (3,) [rad])."
     )
     density: Positive | None = Field(default=None, description="Mass per volume [kg/m^3], 1000 when no mass is given.")
