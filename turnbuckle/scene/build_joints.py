@@ -5,6 +5,7 @@ from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
+from pydantic import ValidationError
 from scipy.spatial.transform import Rotation
 
 from turnbuckle.data import rigid
@@ -127,7 +128,10 @@ class JointBuilder:
         x_b, to_b = self._frame(b)
         if isinstance(d, RollingDef):
             return [self._rolling(d, a, b)]
-        general = d.as_general(to_a.inv() * to_b) if isinstance(d, NamedJointDef) else d.as_joint()
+        try:
+            general = d.as_general(to_a.inv() * to_b) if isinstance(d, NamedJointDef) else d.as_joint()
+        except ValidationError as error:  # limits and motors that contradict each other
+            raise InputError("; ".join(found["msg"] for found in error.errors(include_url=False))) from None
         if d.anchor is not None:
             local_a, local_b = to_a.inv().apply(d.anchor - x_a), to_b.inv().apply(d.anchor - x_b)
             if general.given(("curve", "surface", "domain")):  # these lie in body0's frame as they are
