@@ -7,12 +7,10 @@ from functools import cached_property
 import numpy as np
 import warp as wp
 
+from turnbuckle.data.contact import ContactOptions, Surfaces
 from turnbuckle.data.errors import InputError
-from turnbuckle.data.rigid import RigidBodies, RigidField
+from turnbuckle.data.rigid import ForceField, RigidBodies, RigidField
 from turnbuckle.data.shape import Shape
-
-ForceField = Callable[[np.ndarray, np.ndarray, float, np.ndarray], np.ndarray]
-"""``f(x (n, 3) [m], v (n, 3) [m/s], t [s], mass (n,) [kg]) -> (n, 3) [N]``."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +37,46 @@ class Tetrahedra:
     triangles: np.ndarray  # (f, 3) int32, unique, inner ones included
     triangle_area: np.ndarray  # (f,) rest area [m^2]
     triangle_material: np.ndarray  # (f,) int32
+
+
+@dataclass(frozen=True)
+class Hinges:
+    """Dihedral bending of cloth: ``E = k (theta - theta_0)^2 / 2`` across inner edges (:mod:`turnbuckle.bodies.bending`)."""
+
+    points: np.ndarray  # (n, 4) int32: the shared edge's two points, then the opposite ones
+    angle: np.ndarray  # (n,) rest angle [rad], 0 when flat
+    k: np.ndarray  # (n,) [N m / rad]
+    k_d: np.ndarray  # (n,) [N m s / rad]
+
+
+@dataclass(frozen=True)
+class Corotational:
+    """Linear tetrahedra in the frame of their rotation, Mueller and Gross 2004 (:mod:`turnbuckle.bodies.corotational`)."""
+
+    corners: np.ndarray  # (n, 4) int32, det > 0
+    youngs_modulus: np.ndarray  # (n,) [Pa]
+    poissons_ratio: np.ndarray  # (n,) [1]
+    damping: np.ndarray  # (n,) [s], times the stiffness matrix: viscous forces in the same frame
+    rest: np.ndarray  # (n, 4, 3) corners at rest [m]
+
+
+@dataclass(frozen=True)
+class StrainLimits:
+    """Springs that may not stretch beyond a bound, kept as rows of the contact problem (Provot 1995 asks the same)."""
+
+    pairs: np.ndarray  # (n, 2) int32
+    length: np.ndarray  # (n,) the longest allowed [m]
+
+
+@dataclass(frozen=True)
+class Scripted:
+    """Points that go where a function says: obstacles and animated characters."""
+
+    name: str
+    begin: int  # its points are x[begin:end] of the state
+    end: int
+    positions: Callable[[float], np.ndarray]  # t [s] -> (end - begin, 3) [m]
+    moves: bool  # False for what stays where it is
 
 
 @dataclass(frozen=True)
@@ -73,6 +111,12 @@ class Model:
     displacement: object  # options of the displacement solver
     rigid_motion: str  # "rotor" | "paper"
     max_rotation: float  # [rad] a step
+    hinges: Hinges
+    corotational: Corotational
+    strain_limits: StrainLimits
+    scripted: tuple[Scripted, ...] = ()
+    surfaces: Surfaces | None = None  # None where contact is off
+    contact: ContactOptions = ContactOptions()
     repairs: tuple[str, ...] = ()  # what was mended in the user's meshes, one line each
     device_arrays: dict[str, wp.array] = field(default_factory=dict)  # uploaded once by build()
 

@@ -5,10 +5,14 @@ at the centre of mass, axes along the principal axes of inertia) into the world.
 frame, which lies at `frame_x`, `frame_q` in the inertial one.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 import warp as wp
+
+ForceField = Callable[[np.ndarray, np.ndarray, float, np.ndarray], np.ndarray]
+"""``f(x (n, 3) [m], v (n, 3) [m/s], t [s], mass (n,) [kg]) -> (n, 3) [N]``."""
 
 # What a body does.
 IMMOBILE = 0
@@ -90,13 +94,13 @@ class Loads:
 
 @dataclass(frozen=True)
 class RigidField:
-    """A force field on rigid bodies. The functions are those of `turnbuckle.data.model.ForceField`."""
+    """A force field on rigid bodies."""
 
     name: str
     bodies: np.ndarray  # (k,) int
     at: np.ndarray  # (k, 3) where the force acts, in the inertial frames [m]
-    force: object
-    torque: object | None
+    force: ForceField
+    torque: ForceField | None
 
 
 @dataclass

@@ -10,8 +10,8 @@ import warp as wp
 from turnbuckle.compute import start_warp
 from turnbuckle.constraints.activation import new_owner
 from turnbuckle.data.errors import InputError
-from turnbuckle.data.model import Field, ForceField, Model, Springs
-from turnbuckle.data.rigid import RigidBodies, RigidField
+from turnbuckle.data.model import Corotational, Field, Hinges, Model, Springs, StrainLimits
+from turnbuckle.data.rigid import ForceField, RigidBodies, RigidField
 from turnbuckle.data.shape import Shape, Skin
 from turnbuckle.data.state import PARAMS, Kinematics, State
 from turnbuckle.data.tables import Tables, empty_table
@@ -79,6 +79,11 @@ def build(definition: SceneDef, folder: Path, device: str = "cpu") -> tuple[Mode
         displacement=definition.displacement,
         rigid_motion=definition.rigid_motion,
         max_rotation=definition.max_rotation,
+        hinges=Hinges(np.zeros((0, 4), np.int32), np.zeros(0), np.zeros(0), np.zeros(0)),
+        corotational=Corotational(
+            np.zeros((0, 4), np.int32), np.zeros(0), np.zeros(0), np.zeros(0), np.zeros((0, 4, 3))
+        ),
+        strain_limits=StrainLimits(np.zeros((0, 2), np.int32), np.zeros(0)),
         repairs=tuple(b.repairs for b in bodies if b.repairs),
         device_arrays=upload(mass, springs, tets, owns_edge, owns_triangle, device),
     )
