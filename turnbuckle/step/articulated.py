@@ -15,9 +15,11 @@ from turnbuckle.integrators import SCHEMES
 from turnbuckle.integrators.rigid_flight import close_positions
 from turnbuckle.integrators.rigid_points import place_points, remember_points
 from turnbuckle.integrators.rigid_projection import project_velocities
+from turnbuckle.scene.build_rigid_bodies import inertial_pose
 from turnbuckle.step.articulated_system import System, pack_active, unpack_active
 from turnbuckle.step.displacement_stage import DisplacementStage
 from turnbuckle.step.domain_search import DomainSearch
+from turnbuckle.step.field_values import field_values
 from turnbuckle.step.joint_certificate import JointCertificate
 from turnbuckle.step.rigid_measures import RigidMeasures
 from turnbuckle.step.row_forces import write_row_forces
@@ -35,14 +37,15 @@ class Articulated:
         self.ahead = RigidState.at_rest(model.rigid.count, model.device)
         self.exists = model.rigid.count > 1
         self._damped = bool(model.rigid.damping.any())
-        self._open = np.inf  # what joints missed by after the last step [m or rad]
+        self._were_loaded = True  # loads of the last step may still be on the device
+        self.opened = np.inf  # what joints missed by after the last step [m or rad]
         self._halves = 1.0 if model.rigid_motion == "paper" else 2.0  # of a step in which the position impulses act
 
     def follow(self) -> None:
         """Catch up with joints or ties that were added, removed or switched, and with bodies that were put elsewhere."""
         self._stay()
         self.system = System(self.model, self.state)
-        self._open = np.inf
+        self.opened = np.inf
         self.certificate = JointCertificate(self.state, self.model.device)
         self.search = DomainSearch(self.state, self.system)
         self.measures = RigidMeasures(self.model, self.state, self.system)
@@ -96,11 +99,8 @@ class Articulated:
         for b, trajectory in bodies.trajectories.items():
             origin, turn = trajectory.pose(t)  # type: ignore[attr-defined]
             rate, spin = trajectory.rates(t)  # type: ignore[attr-defined]
-            frame = turn.as_quat()
-            inverse = bodies.frame_q[b] * np.array([-1.0, -1.0, -1.0, 1.0])
-            q = _product(frame, inverse)
-            x = origin - rotate(q[None], bodies.frame_x[b][None])[0]
-            arrays["x"][b], arrays["q"][b] = x, q
+            x, arrays["q"][b] = inertial_pose(bodies, b, origin, turn)
+            arrays["x"][b] = x
             arrays["w"][b] = spin
             arrays["v"][b] = rate + np.cross(spin, x - origin)
         for name, values in arrays.items():
@@ -120,10 +120,8 @@ class Articulated:
                 arm = rotate(q[b], f.at)
                 place, speed = place + arm, speed + cross(w[b], arm)
             given = (place, speed, time, bodies.mass[b])
-            value = np.asarray(f.force(*given), dtype=float)  # type: ignore[operator]
-            turn = np.zeros_like(value) if f.torque is None else np.asarray(f.torque(*given), dtype=float)  # type: ignore[operator]
-            if value.shape != (len(b), 3) or turn.shape != (len(b), 3):
-                raise FloatingPointError(f"force '{f.name}' gave shape {value.shape}, expected ({len(b)}, 3)")
+            value = field_values(f.name, f.force, *given)
+            turn = np.zeros_like(value) if f.torque is None else field_values(f.name, f.torque, *given)
             if not (np.isfinite(value).all() and np.isfinite(turn).all()):
                 raise FloatingPointError(f"force '{f.name}' is not finite at t = {time:g} s on '{bodies.names[b[0]]}'")
             force[b] += value  # a field names each body once
@@ -145,7 +143,7 @@ class Articulated:
         """The end of the step becomes the state."""
         state, system = self.state, self.system
         state.rigid, self.ahead = self.ahead, state.rigid
-        self._open = float(host(system.islands.worst).max())
+        self.opened = float(host(system.islands.worst).max())
         if self.loaded or self._damped:
             works = [self._powers(at) for at in (state.rigid, self.ahead)]
             state.work += 0.5 * dt * (works[0][0] + works[1][0])
@@ -182,7 +180,16 @@ class Articulated:
     def lost(self) -> bool:
         """Whether joints that were closed came apart in the step."""
         worst = float(host(self.system.islands.worst).max())
-        return not worst <= max(LOST, 10.0 * self._open)
+        return not worst <= max(LOST, 10.0 * self.opened)
+
+    def lost_joints(self) -> str:
+        """What came apart in the step that was lost, the worst first."""
+        score = np.nan_to_num(self.certificate.read()[:2].max(axis=0), nan=np.inf)
+        if self.search.parts and np.isfinite(score).all():
+            score = np.nan_to_num(self._measured(self.ahead)[:2].max(axis=0), nan=np.inf)
+        names = {int(p): j.name for j in self.state.joints.values() if j.acting for p in j.parts}
+        worst = [names[int(p)] for p in np.argsort(-score, kind="stable") if score[p] > LOST and int(p) in names]
+        return ", ".join(f"'{name}'" for name in list(dict.fromkeys(worst))[:3]) or "ties of rigid bodies"
 
     # Recording -----------------------------------------------------------------------------------------------------
 
@@ -228,7 +235,7 @@ class Articulated:
         if self.loaded:
             self.loads(ahead, self.state.time + float(host(self.state.params)[H]))
             self._were_loaded = True
-        elif getattr(self, "_were_loaded", True):
+        elif self._were_loaded:
             for state in (ahead, self.state.rigid):
                 state.force.zero_()
                 state.torque.zero_()
@@ -355,7 +362,7 @@ class Articulated:
 
     def _switch_parts(self) -> None:
         """Tell the device which parts act; under the displacement solver its kernels close none."""
-        self._open = np.inf  # joints that begin to act may be open, and repeat others
+        self.opened = np.inf  # joints that begin to act may be open, and repeat others
         self.system.row_table.dropped.fill_(1)
         active, _ = unpack_active(self.state.active)
         self.state.active = pack_active(active, np.ones_like(active))
@@ -373,9 +380,3 @@ def _write(array: wp.array, values: np.ndarray) -> None:
         host(array)[:] = values
     else:
         array.assign(values)
-
-
-def _product(p: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Quaternions xyzw, p after q."""
-    v = p[3] * q[:3] + q[3] * p[:3] + np.cross(p[:3], q[:3])
-    return np.r_[v, p[3] * q[3] - p[:3] @ q[:3]]

@@ -18,6 +18,7 @@ from turnbuckle.data.tables import JOINT
 from turnbuckle.integrators import SCHEMES
 from turnbuckle.solvers.implicit import ImplicitSolver
 from turnbuckle.solvers.joint import JointSolver
+from turnbuckle.step.field_values import field_values
 from turnbuckle.step.row_forces import write_row_forces
 
 
@@ -123,9 +124,7 @@ class StepRecorder:
         power = 0.0
         for f in self.model.fields:
             points = f.points
-            value = np.asarray(f.force(positions[points], velocities[points], t, self.model.mass[points]), dtype=float)
-            if value.shape != (len(points), 3):
-                raise FloatingPointError(f"force '{f.name}' gave shape {value.shape}, expected ({len(points)}, 3)")
+            value = field_values(f.name, f.force, positions[points], velocities[points], t, self.model.mass[points])
             if not np.isfinite(value).all():
                 first = points[int(np.argmin(np.isfinite(value).all(axis=1)))]
                 where = ", ".join(f"{c:.6g}" for c in positions[first])
@@ -292,7 +291,7 @@ class StepRecorder:
             else:
                 a = a_out.numpy().copy()
             rows = None if self.paper else constraint_rows.collect(self.state, h, None, *self._landing())
-            rest = force.numpy() - self.model.mass[:, None] * a
+            rest = force.numpy() - self.mass.numpy()[:, None] * a
             where = (at[0].numpy(), at[1].numpy())
             da, f = work.implicit.solve(h, alpha, beta, push, where, rest, free.numpy(), rows)
             a_out.assign(a + da)

@@ -10,6 +10,7 @@ from turnbuckle.data.errors import InputError
 from turnbuckle.data.model import Model
 from turnbuckle.data.rigid import Joint
 from turnbuckle.data.state import State
+from turnbuckle.scene.build_rigid_bodies import inertial_pose
 from turnbuckle.step.coordinates import coordinates
 
 NAMES = {
@@ -19,7 +20,10 @@ NAMES = {
 
 
 def _vector(value: Any, what: str, size: int = 3) -> np.ndarray:
-    array = np.asarray(value, dtype=np.float64)
+    try:
+        array = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{what}: expected {size} finite numbers, got {value!r}") from None
     if array.shape != (size,) or not np.isfinite(array).all():
         raise InputError(f"{what}: expected {size} finite numbers, got {value!r}")
     return array
@@ -37,9 +41,9 @@ def write_pose(model: Model, state: State, b: int, position: Any, quaternion: An
     origin, turn = _vector(position, "position"), _vector(quaternion, "quaternion", 4)
     if not np.linalg.norm(turn) > 1e-12:
         raise InputError("quaternion: must not be zero")
-    to_world = Rotation.from_quat(turn) * Rotation.from_quat(model.rigid.frame_q[b]).inv()
-    _write(state.rigid.x, b, origin - to_world.apply(model.rigid.frame_x[b]))
-    _write(state.rigid.q, b, to_world.as_quat())
+    x, q = inertial_pose(model.rigid, b, origin, Rotation.from_quat(turn))
+    _write(state.rigid.x, b, x)
+    _write(state.rigid.q, b, q)
 
 
 def write_velocity(model: Model, state: State, b: int, velocity: Any, angular: Any) -> None:

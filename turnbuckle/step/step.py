@@ -32,6 +32,7 @@ from turnbuckle.step.articulated import Articulated
 from turnbuckle.step.certificate import Certificate
 from turnbuckle.step.goals import aim_again, move_goals
 from turnbuckle.step.recording import Scratch, StepRecorder
+from turnbuckle.step.snapshot import Snapshot
 
 TIED = 1e-12  # [m] what points held together with joints, in one system, may miss by on top
 TOLERANCE = 1e-12  # of the scene's size: what a constraint may miss by in a step that is "ok"
@@ -60,22 +61,31 @@ class Stepper:
         """
         if not (math.isfinite(dt) and dt > 0.0):
             raise InputError(f"dt must be a positive number of seconds, got {dt}")
-        return self._halving(dt, HALVINGS)
-
-    def _halving(self, dt: float, depth: int) -> StepReport:
-        report = self._once(dt, depth == 0)
+        report = self._once(dt, last=False)
         if report is not None:
             return report
-        first = self._halving(0.5 * dt, depth - 1)
-        if first.status == "failed":
-            return first
-        second = self._halving(0.5 * dt, depth - 1)
-        if second.status != "failed":
-            self.state.steps -= 1  # both halves are one step
-        return merge_reports(first, second)
+        start, opened, ramping = Snapshot(self.state), self.articulated.opened, self._ramping
+        report = self._halved(dt, HALVINGS)
+        if report.status == "failed":  # a failure in any part of the step takes all of it back
+            start.restore(self.state)
+            self._prepare(dt)
+            self.articulated.opened, self._ramping = opened, ramping
+            report.time, report.energies = self.state.time, dict(self.state.energies)
+        return report
+
+    def _halved(self, dt: float, depth: int) -> StepReport:
+        """The step in two halves, each halved again where it must be."""
+        reports: list[StepReport] = []
+        for _ in range(2):
+            report = self._once(0.5 * dt, last=depth == 1)
+            reports.append(report if report is not None else self._halved(0.5 * dt, depth - 1))
+            if reports[-1].status == "failed":
+                return reports[-1]
+        self.state.steps -= 1  # both halves are one step
+        return merge_reports(*reports)
 
     def _once(self, dt: float, last: bool) -> StepReport | None:
-        """One step; None when it turned a body too far and was taken back (never when it is the ``last`` resort)."""
+        """One step; None when it turned a body too far or opened joints, and was taken back (never where it is ``last``)."""
         began = time.perf_counter()
         model, state, scheme = self.model, self.state, self.scheme
         update_windows(model, state, dt)
@@ -109,7 +119,8 @@ class Stepper:
             return None
         if self.articulated.exists and self.articulated.lost():
             self._restore(before)
-            return self._failed(dt, "joints came apart", "take a smaller dt, or see what pulls on them")
+            what = f"joints came apart: {self.articulated.lost_joints()}"
+            return self._failed(dt, what, "take a smaller dt, see what pulls on them, and whether they can be closed")
         report = self._report(dt, program, ramped)
         if report.status == "failed":
             self._restore(before)
@@ -286,6 +297,8 @@ class Stepper:
         advice = advice or "take a smaller dt, more damping or less stiffness, or an implicit integrator"
         if what.startswith("force "):
             advice = "mend the force field"
+        elif what.startswith("displacement: "):
+            advice = "bring the parts together with assemble, or look at the joints named"
         return StepReport(
             status="failed", messages=[f"{what}; the last good state stands: {advice}"], time=self.state.time, dt=dt,
             energies=dict(self.state.energies),
