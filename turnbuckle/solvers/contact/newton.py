@@ -1,0 +1,247 @@
+"""The default solver: an augmented Lagrangian, semi-smooth Newton steps and preconditioned conjugate gradients.
+
+With u = J v, De Saxce's shift ``mu |u_t|`` makes Coulomb's law a projection on the cone K = {|r_t| <= mu r_n}:
+
+    r = P_K(l - rho (u - floor + shift)),        l = r.
+
+For given multipliers l and shifts, v minimises the convex function
+
+    (v - v*) . A (v - v*) / 2  +  sum |r(v)|^2 / (2 rho),        gradient g = A (v - v*) - J^T r,
+
+by Newton's method with the matrix ``A + J^T D J``, D = rho dP_K/ds (symmetric, semi-definite), to a part of what the
+multipliers still miss; then l <- r(v), shift <- mu |u_t|, until nothing moves any more: then (6), (7) hold. rho is a
+small multiple of the contact's own stiffness: that keeps the matrix nearly as well conditioned as A, and multipliers
+settle by about 1 / (1 + rho w) a round, w the compliance of the contact in its bodies. Warm starts make the rest.
+
+Equality rows are kept exactly in every iterate: conjugate gradients run in their null space, by the preconditioner
+``M - M E^T (E M E^T)^-1 E M``.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from turnbuckle.compute import Program, host
+from turnbuckle.data.contact import ContactProblem, ContactSolution
+from turnbuckle.solvers.contact import newton_kernels as kernels
+from turnbuckle.solvers.contact.newton_buffers import Buffers
+from turnbuckle.solvers.contact.newton_equality import EqualityRows
+
+SCALE = 3.0  # rho times the compliance of a contact by itself
+GATE = 3.0  # multipliers are updated once the gradient is below this times what they miss by
+FORCING = 0.3  # part of the gradient that conjugate gradients may leave
+BATCH = 8  # iterations of conjugate gradients between two looks at the result
+CG_LIMIT = 200.0
+TILES = 64
+SMALL = 500  # blocks and contacts below which one thread does all
+SLOW = 0.5  # multipliers that gain less a round make the penalty grow
+GROWTH = 3.0
+LARGEST = 1e4  # the largest SCALE
+
+
+@dataclass
+class Errors:
+    """All in m/s."""
+
+    gradient: float
+    primal: float
+    shift: float
+
+    @property
+    def multipliers(self) -> float:
+        """What an update of multipliers and shifts would change."""
+        return max(self.primal, self.shift)
+
+    @property
+    def worst(self) -> float:
+        """The largest of all."""
+        return max(self.gradient, self.primal, self.shift)
+
+
+class NewtonSolver:
+    """Keeps its arrays and recorded launches between calls."""
+
+    def __init__(self, device: str = "cpu", threads: int | None = None) -> None:
+        self.device, self.threads = device, threads
+        self.buffers = Buffers(device)
+        self._programs: dict[str, Program] = {}
+        self._key: tuple = ()
+        self.rows: EqualityRows | None = None
+
+    def solve(
+        self,
+        problem: ContactProblem,
+        start: np.ndarray | None = None,
+        velocity: np.ndarray | None = None,
+        tolerance: float = 1e-8,
+        max_iterations: int = 200,
+    ) -> ContactSolution:
+        """Velocities and impulses; ``start`` (m, 3) and ``velocity`` (3 n,) are guesses. Tolerance in m/s."""
+        n, m = len(problem.free) // 3, problem.count
+        b = self.buffers
+        self.rows = None
+        tiles = TILES if max(n, m) > SMALL else 1
+        b.load(problem, tiles)
+        if problem.e is not None and problem.e.shape[0]:
+            self.rows = EqualityRows(problem, b)
+        self._record(tiles)
+        b.write("v", (problem.free if velocity is None else velocity).reshape(-1, 3))
+        b.write("multiplier", np.zeros((m, 3)) if start is None else start)
+        b.write("shift", np.zeros(m))
+        scale = SCALE
+        b.write("scale", np.array([scale]))
+        self._run("begin")
+        if self.rows is not None:
+            self.rows.meet()
+        newton = updates = cg = 0
+        missed = np.inf
+        converged, message = False, ""
+        errors = self._evaluate()
+        b.write("shift", b.read("y", m)[:, 0])
+        errors = self._evaluate()
+        for _ in range(max_iterations):
+            if errors.worst <= tolerance:
+                converged = True
+                break
+            if errors.gradient <= GATE * errors.multipliers or errors.gradient <= 0.1 * tolerance:
+                if updates > 2 and errors.multipliers > SLOW * missed and scale < LARGEST:
+                    scale *= GROWTH
+                    b.write("scale", np.array([scale]))
+                    self._run("penalties")
+                missed = errors.multipliers
+                self._run("update")
+                updates += 1
+                errors = self._evaluate()
+                if errors.gradient <= 0.3 * tolerance and errors.worst <= tolerance:
+                    converged = True
+                    break
+            if errors.gradient <= 0.03 * tolerance:
+                continue
+            cg += self._newton_step()
+            newton += 1
+            errors = self._evaluate()
+            if not np.isfinite(errors.worst):
+                message = "velocities are no longer finite numbers"
+                break
+        equality = np.zeros(0) if self.rows is None else self.rows.impulse
+        return ContactSolution(
+            velocity=b.read("v", n).ravel(), impulse=b.read("r", m), equality=equality,
+            iterations={"newton": newton, "multipliers": updates, "cg": cg}, residual=errors.worst,
+            converged=converged, message=message,
+        )  # fmt: skip
+
+    # ------------------------------------------------------------------------------------------------------------------
+
+    def _evaluate(self) -> Errors:
+        self._run("evaluate")
+        values = host(self.buffers.scalars)
+        gradient = float(values[kernels.GRADIENT])
+        if self.rows is not None:
+            gradient = self.rows.remove()
+        return Errors(gradient, float(values[kernels.PRIMAL]), float(values[kernels.SHIFT]))
+
+    def _newton_step(self) -> int:
+        """One step with backtracking; iterations of conjugate gradients."""
+        self._run("start")
+        scalars = host(self.buffers.scalars)
+        while scalars[kernels.DONE] == 0.0:
+            self._run("iterate")
+            scalars = host(self.buffers.scalars)
+        tries = int(scalars[kernels.TRIES])
+        before = self._merit()
+        length = 1.0
+        slope = self._slope()
+        while length > 1e-3:
+            scalars[kernels.ALPHA] = length
+            self.buffers.write("scalars", scalars)
+            self._run("move")
+            if self._merit("trial") <= before + 1e-4 * length * slope + 1e-13 * abs(before):
+                break
+            length *= 0.5
+        self._run("accept")
+        return tries
+
+    def _merit(self, at: str = "v") -> float:
+        self._run(f"merit_{at}")
+        return float(host(self.buffers.sums).sum() + host(self.buffers.contact_sums).sum())
+
+    def _slope(self) -> float:
+        self._run("slope")
+        return float(host(self.buffers.sums).sum())
+
+    def _run(self, name: str) -> None:
+        self._programs[name].run()
+
+    def _record(self, tiles: int) -> None:
+        key = (self.buffers.grown, tiles, self.rows is not None)
+        if key == self._key:
+            return
+        self._key = key
+        b, s = self.buffers, self.buffers.sizes
+        contact = [tiles, s, b.offsets, b.columns, b.j]
+        grain = 512 if tiles > 1 else 1
+
+        def program(*launches: tuple | Callable[[], None]) -> Program:
+            out = Program(self.device, self.threads)
+            for launch in launches:
+                if callable(launch):
+                    out.host(launch)
+                    continue
+                kernel, inputs, count = launch
+                out.launch(kernel, count, inputs, grain if count > 1 else 1)
+                out.barrier()
+            return out.finish()
+
+        k, t = kernels, tiles
+        matrix = [b.starts, b.others, b.a]
+        transposed = [b.t_offsets, b.t_entries, b.t_contacts, b.j]
+        forces = (k.contact_forces, [*contact, b.v, b.floor, b.mu, b.rho, b.shift, b.multiplier, b.r, b.d, b.errors], t)
+        slope = (k.gradient, [t, s, *matrix, *transposed, b.fixed, b.v, b.free, b.r, b.d, b.local, b.partner, b.g,
+                              b.diagonal, b.coupled, b.errors], t)  # fmt: skip
+        invert = (k.invert_blocks, [t, s, b.partner, b.diagonal, b.coupled, b.m, b.n], t)
+        apply = (k.apply_blocks, [t, s, b.partner, b.fixed, b.m, b.n, b.residual, b.z], t)
+        project = [] if self.rows is None else [lambda: self.rows.project()]  # type: ignore[union-attr]
+        penalties = (k.penalties, [*contact, b.local, b.fixed, b.scale, b.rho], t)
+        rz = (k.dot, [t, s, b.residual, b.z, b.sums], t)
+        iteration: list = [
+            (k.direct, [t, s, b.scalars, b.z, b.p], t),
+            (k.contact_product, [t, s, b.scalars, b.offsets, b.columns, b.j, b.d, b.p, b.y], t),
+            (k.product, [t, s, b.scalars, *matrix, *transposed, b.fixed, b.y, b.p, b.q, b.sums], t),
+            (k.step_length, [t, b.sums, b.scalars], 1),
+            (k.advance, [t, s, b.scalars, b.partner, b.p, b.q, b.dv, b.residual], t),
+            apply, *project, rz,
+            (k.next_direction, [t, b.sums, CG_LIMIT, b.scalars], 1),
+        ]  # fmt: skip
+        self._programs = {
+            "begin": program((k.local_inverses, [t, s, *matrix, b.local], t), penalties),
+            "penalties": program(penalties),
+            "evaluate": program(forces, slope, invert, (k.largest, [t, b.errors, b.scalars], 1),
+                                (k.wanted_shift, [*contact, b.v, b.mu, b.y], t)),
+            "update": program((k.update_multipliers, [*contact, b.v, b.mu, b.r, b.shift, b.multiplier], t)),
+            "start": program((k.begin_gradients, [t, s, b.g, b.residual, b.dv], t), apply, *project, rz,
+                             (k.first_direction, [t, b.sums, FORCING, b.scalars], 1)),
+            "iterate": program(*(iteration * (BATCH if self.rows is None else 1))),
+            "slope": program((k.dot, [t, s, b.g, b.dv, b.sums], t)),
+            "move": program((k.move, [t, s, b.scalars, b.v, b.dv, b.trial], t)),
+            "accept": program((k.move, [t, s, b.scalars, b.v, b.dv, b.v], t)),
+            **{
+                f"merit_{at}": program(
+                    (k.merit, [*contact, getattr(b, at), b.floor, b.mu, b.rho, b.shift, b.multiplier, b.contact_sums], t),
+                    (k.inertia_merit, [t, s, *matrix, getattr(b, at), b.free, b.sums], t),
+                )
+                for at in ("v", "trial")
+            },
+        }  # fmt: skip
+
+
+def solve_newton(
+    problem: ContactProblem,
+    start: np.ndarray | None = None,
+    tolerance: float = 1e-8,
+    max_iterations: int = 200,
+    device: str = "cpu",
+) -> ContactSolution:
+    """One solve (see the module). Use `NewtonSolver` where many problems follow each other."""
+    return NewtonSolver(device).solve(problem, start, None, tolerance, max_iterations)

@@ -1,0 +1,91 @@
+"""Arrays of the Newton solver on its device, kept between calls while problems keep their size."""
+
+import numpy as np
+import scipy.sparse as sp
+import warp as wp
+
+from turnbuckle.compute import host
+from turnbuckle.data.contact import ContactProblem
+from turnbuckle.math.types import real
+from turnbuckle.solvers.contact.newton_kernels import SCALARS
+
+ROOM = 1.5  # arrays that turn out too short grow to this part of what is needed
+
+
+class Buffers:
+    """What the kernels read and write. ``grown`` counts the times that arrays changed places."""
+
+    def __init__(self, device: str) -> None:
+        self.device = device
+        self.grown = 0
+        self.sizes = wp.zeros(2, dtype=int, device=device)
+        self.scalars = wp.zeros(SCALARS, dtype=real, device=device)
+        self.scale = wp.zeros(1, dtype=real, device=device)
+        self._arrays: dict[str, wp.array] = {}
+
+    def __getattr__(self, name: str) -> wp.array:
+        try:
+            return self.__dict__["_arrays"][name]
+        except KeyError:
+            raise AttributeError(name) from None
+
+    def load(self, problem: ContactProblem, tiles: int) -> None:
+        """Take over a problem."""
+        a, j = problem.a, problem.j
+        n, m = a.shape[0] // 3, problem.count
+        transposed = sp.csr_array((np.arange(len(j.indices)), j.indices, j.indptr), shape=(m, n)).tocsc()
+        partner = np.full(n, -1, dtype=np.int32)
+        partner[problem.pairs] = problem.pairs + 1
+        partner[problem.pairs + 1] = problem.pairs
+        fixed = np.zeros(n, np.uint8) if problem.fixed is None else problem.fixed.astype(np.uint8)
+        self._put("starts", a.indptr, wp.int32)
+        self._put("others", a.indices, wp.int32)
+        self._put("a", a.data, wp.mat33d)
+        self._put("offsets", j.indptr, wp.int32)
+        self._put("columns", j.indices, wp.int32)
+        self._put("j", j.data, wp.mat33d)
+        self._put("t_offsets", transposed.indptr, wp.int32)
+        self._put("t_entries", transposed.data, wp.int32)
+        self._put("t_contacts", transposed.indices, wp.int32)
+        self._put("partner", partner, wp.int32)
+        self._put("fixed", fixed, wp.uint8)
+        self._put("free", problem.free.reshape(-1, 3), wp.vec3d)
+        self._put("floor", problem.floor, real)
+        self._put("mu", problem.friction, real)
+        for name in ("v", "trial", "g", "residual", "z", "p", "q", "dv"):
+            self._room(name, n, wp.vec3d)
+        for name in ("local", "diagonal", "coupled", "m", "n"):
+            self._room(name, n, wp.mat33d)
+        for name in ("multiplier", "r", "y"):
+            self._room(name, m, wp.vec3d)
+        self._room("d", m, wp.mat33d)
+        for name in ("rho", "shift"):
+            self._room(name, m, real)
+        self._room("sums", tiles, real)
+        self._room("contact_sums", tiles, real)
+        if "errors" not in self._arrays or self._arrays["errors"].shape[1] != tiles:
+            self._arrays["errors"] = wp.zeros((3, tiles), dtype=real, device=self.device)
+            self.grown += 1
+        self.write("sizes", np.array([n, m], dtype=np.int32))
+
+    def write(self, name: str, values: np.ndarray) -> None:
+        """Values into the first places of an array."""
+        array = getattr(self, name) if name in self.__dict__ else self._arrays[name]
+        if array.device.is_cpu:
+            host(array)[: len(values)] = values
+        elif len(values):
+            array[: len(values)].assign(np.ascontiguousarray(values))
+
+    def read(self, name: str, count: int) -> np.ndarray:
+        """A copy of the first places of an array."""
+        return np.array(host(self._arrays[name])[:count])
+
+    def _room(self, name: str, count: int, kind: type) -> None:
+        array = self._arrays.get(name)
+        if array is None or array.shape[0] < count:
+            self._arrays[name] = wp.zeros(max(int(ROOM * count), 64), dtype=kind, device=self.device)
+            self.grown += 1
+
+    def _put(self, name: str, values: np.ndarray, kind: type) -> None:
+        self._room(name, len(values), kind)
+        self.write(name, values)

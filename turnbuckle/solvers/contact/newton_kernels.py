@@ -1,0 +1,409 @@
+"""Kernels of the Newton solver: forces of the cone, the gradient, its preconditioner, and conjugate gradients.
+
+Every kernel works on one *tile*, a contiguous share of the contacts or of the blocks: sums are made tile by tile and
+then in the order of tiles, so that they do not depend on threads. Sizes are read from `sizes` (see the places below).
+Letters: u = J v relative velocities, s = l - rho (u - floor + shift), r = P_K(s) impulses, D = rho dP/ds.
+"""
+
+import warp as wp
+
+from turnbuckle.math.types import real
+
+BLOCKS = wp.constant(0)  # places in `sizes`
+CONTACTS = wp.constant(1)
+
+ALPHA = wp.constant(0)  # places in `scalars`: step length of conjugate gradients
+BETA = wp.constant(1)
+RZ = wp.constant(2)  # r . M r
+DONE = wp.constant(3)  # 1 when the residual is small enough
+GOAL = wp.constant(4)  # r . M r at which to stop
+TRIES = wp.constant(5)  # iterations made
+GRADIENT = wp.constant(6)  # largest |D_A^-1 g| [m/s]
+PRIMAL = wp.constant(7)  # largest |r - l| / rho [m/s]
+SHIFT = wp.constant(8)  # largest error of the shift [m/s]
+MERIT = wp.constant(9)
+SLOPE = wp.constant(10)
+SCALARS = 16
+
+
+@wp.func
+def place(tile: int, tiles: int, count: int) -> int:
+    """Where the share of a tile begins."""
+    return int((wp.int64(tile) * wp.int64(count)) / wp.int64(tiles))
+
+
+@wp.func
+def relative(c: int, offsets: wp.array(dtype=int), columns: wp.array(dtype=int), j: wp.array(dtype=wp.mat33d),
+             v: wp.array(dtype=wp.vec3d)) -> wp.vec3d:  # fmt: skip
+    """u of contact c."""
+    u = wp.vec3d()
+    for e in range(offsets[c], offsets[c + 1]):
+        u += j[e] * v[columns[e]]
+    return u
+
+
+@wp.func
+def on_cone(s: wp.vec3d, mu: real) -> wp.vec3d:
+    """The nearest point of the cone ``|r_t| <= mu r_n`` to s = (normal, two tangential)."""
+    t = wp.sqrt(s[1] * s[1] + s[2] * s[2])
+    if t <= mu * s[0]:
+        return s
+    if mu * t <= -s[0]:
+        return wp.vec3d()
+    n = (s[0] + mu * t) / (real(1.0) + mu * mu)
+    return wp.vec3d(n, mu * n * s[1] / t, mu * n * s[2] / t)
+
+
+@wp.func
+def cone_derivative(s: wp.vec3d, mu: real) -> wp.mat33d:
+    """dP/ds, symmetric and positive semi-definite."""
+    t = wp.sqrt(s[1] * s[1] + s[2] * s[2])
+    if t <= mu * s[0]:
+        return wp.identity(n=3, dtype=real)
+    if mu * t <= -s[0]:
+        return wp.mat33d()
+    one = real(1.0)
+    k = one / (one + mu * mu)
+    a, b = real(0.0), real(0.0)
+    bend = real(0.0)
+    if t > real(0.0):
+        a, b = s[1] / t, s[2] / t
+        bend = mu * (s[0] + mu * t) * k / t
+    m = mu * k
+    return wp.mat33d(
+        k, m * a, m * b,
+        m * a, mu * m * a * a + bend * (one - a * a), mu * m * a * b - bend * a * b,
+        m * b, mu * m * a * b - bend * a * b, mu * m * b * b + bend * (one - b * b),
+    )  # fmt: skip
+
+
+@wp.kernel
+def contact_forces(begin: int, tiles: int, sizes: wp.array(dtype=int), offsets: wp.array(dtype=int),
+                   columns: wp.array(dtype=int), j: wp.array(dtype=wp.mat33d), v: wp.array(dtype=wp.vec3d),
+                   floor: wp.array(dtype=real), mu: wp.array(dtype=real), rho: wp.array(dtype=real),
+                   shift: wp.array(dtype=real), multiplier: wp.array(dtype=wp.vec3d),
+                   r_out: wp.array(dtype=wp.vec3d), d_out: wp.array(dtype=wp.mat33d), errors_out: wp.array2d(dtype=real)):  # fmt: skip
+    """r and D of each contact, and the largest errors of multipliers and shifts in the tile."""
+    tile = begin + wp.tid()
+    primal, wrong = real(0.0), real(0.0)
+    for c in range(place(tile, tiles, sizes[CONTACTS]), place(tile + 1, tiles, sizes[CONTACTS])):
+        u = relative(c, offsets, columns, j, v)
+        w = u
+        w[0] = u[0] - floor[c] + shift[c]
+        s = multiplier[c] - rho[c] * w
+        r = on_cone(s, mu[c])
+        r_out[c] = r
+        d_out[c] = rho[c] * cone_derivative(s, mu[c])
+        primal = wp.max(primal, wp.length(r - multiplier[c]) / rho[c])
+        if r[0] > real(0.0):
+            wrong = wp.max(wrong, wp.abs(shift[c] - mu[c] * wp.sqrt(u[1] * u[1] + u[2] * u[2])))
+    errors_out[0, tile] = primal
+    errors_out[1, tile] = wrong
+
+
+@wp.kernel
+def update_multipliers(begin: int, tiles: int, sizes: wp.array(dtype=int), offsets: wp.array(dtype=int),
+                       columns: wp.array(dtype=int), j: wp.array(dtype=wp.mat33d), v: wp.array(dtype=wp.vec3d),
+                       mu: wp.array(dtype=real), r: wp.array(dtype=wp.vec3d), shift_out: wp.array(dtype=real),
+                       multiplier_out: wp.array(dtype=wp.vec3d)):  # fmt: skip
+    """l <- r, and the shift of De Saxce, mu |u_t|, which turns the cone's projection into Coulomb's law."""
+    tile = begin + wp.tid()
+    for c in range(place(tile, tiles, sizes[CONTACTS]), place(tile + 1, tiles, sizes[CONTACTS])):
+        multiplier_out[c] = r[c]
+        if mu[c] > real(0.0):
+            u = relative(c, offsets, columns, j, v)
+            shift_out[c] = mu[c] * wp.sqrt(u[1] * u[1] + u[2] * u[2])
+
+
+@wp.kernel
+def gradient(begin: int, tiles: int, sizes: wp.array(dtype=int), starts: wp.array(dtype=int), others: wp.array(dtype=int),
+             a: wp.array(dtype=wp.mat33d), t_offsets: wp.array(dtype=int), t_entries: wp.array(dtype=int),
+             t_contacts: wp.array(dtype=int), j: wp.array(dtype=wp.mat33d), fixed: wp.array(dtype=wp.uint8),
+             v: wp.array(dtype=wp.vec3d), free: wp.array(dtype=wp.vec3d), r: wp.array(dtype=wp.vec3d),
+             d: wp.array(dtype=wp.mat33d), local: wp.array(dtype=wp.mat33d), partner: wp.array(dtype=int),
+             g_out: wp.array(dtype=wp.vec3d), diagonal_out: wp.array(dtype=wp.mat33d),
+             coupled_out: wp.array(dtype=wp.mat33d), errors_out: wp.array2d(dtype=real)):  # fmt: skip
+    """g = A (v - v*) - J^T r, and the blocks of A + J^T D J: on the diagonal, and to the other half of a rigid body."""
+    tile = begin + wp.tid()
+    worst = real(0.0)
+    for i in range(place(tile, tiles, sizes[BLOCKS]), place(tile + 1, tiles, sizes[BLOCKS])):
+        g = wp.vec3d()
+        h = wp.mat33d()
+        off = wp.mat33d()
+        p = partner[i]
+        for e in range(starts[i], starts[i + 1]):
+            k = others[e]
+            g += a[e] * (v[k] - free[k])
+            if k == i:
+                h += a[e]
+            elif k == p:
+                off += a[e]
+        for q in range(t_offsets[i], t_offsets[i + 1]):
+            e = t_entries[q]
+            c = t_contacts[q]
+            jt = wp.transpose(j[e])
+            g -= jt * r[c]
+            jd = jt * d[c]
+            h += jd * j[e]
+            if p > i:  # the entry of the other half stands next to this one in the row
+                off += jd * j[e + 1]
+            elif p >= 0:
+                off += jd * j[e - 1]
+        if fixed[i] != wp.uint8(0):
+            g = wp.vec3d()
+        g_out[i] = g
+        diagonal_out[i] = h
+        coupled_out[i] = off
+        worst = wp.max(worst, wp.length(local[i] * g))
+    errors_out[2, tile] = worst
+
+
+@wp.kernel
+def invert_blocks(begin: int, tiles: int, sizes: wp.array(dtype=int), partner: wp.array(dtype=int),
+                  diagonal: wp.array(dtype=wp.mat33d), coupled: wp.array(dtype=wp.mat33d),
+                  m_out: wp.array(dtype=wp.mat33d), n_out: wp.array(dtype=wp.mat33d)):  # fmt: skip
+    """The preconditioner M: inverses of blocks, of rigid bodies by the Schur complement of their other half."""
+    tile = begin + wp.tid()
+    for i in range(place(tile, tiles, sizes[BLOCKS]), place(tile + 1, tiles, sizes[BLOCKS])):
+        p = partner[i]
+        if p < 0:
+            m_out[i] = wp.inverse(diagonal[i])
+        else:
+            other = wp.inverse(diagonal[p])
+            m = wp.inverse(diagonal[i] - coupled[i] * other * coupled[p])
+            m_out[i] = m
+            n_out[i] = -m * coupled[i] * other
+
+
+@wp.kernel
+def largest(begin: int, tiles: int, errors: wp.array2d(dtype=real), scalars_out: wp.array(dtype=real)):
+    """The errors of all tiles, as three numbers."""
+    primal, shift, g = real(0.0), real(0.0), real(0.0)
+    for tile in range(tiles):
+        primal = wp.max(primal, errors[0, tile])
+        shift = wp.max(shift, errors[1, tile])
+        g = wp.max(g, errors[2, tile])
+    scalars_out[PRIMAL] = primal
+    scalars_out[SHIFT] = shift
+    scalars_out[GRADIENT] = g
+
+
+@wp.func
+def preconditioned(i: int, partner: wp.array(dtype=int), m: wp.array(dtype=wp.mat33d), n: wp.array(dtype=wp.mat33d),
+                   r: wp.array(dtype=wp.vec3d)) -> wp.vec3d:  # fmt: skip
+    """(M r) of block i."""
+    z = m[i] * r[i]
+    p = partner[i]
+    if p >= 0:
+        z += n[i] * r[p]
+    return z
+
+
+@wp.kernel
+def begin_gradients(begin: int, tiles: int, sizes: wp.array(dtype=int), g: wp.array(dtype=wp.vec3d),
+                    residual_out: wp.array(dtype=wp.vec3d), dv_out: wp.array(dtype=wp.vec3d)):  # fmt: skip
+    """residual = -g, dv = 0."""
+    tile = begin + wp.tid()
+    for i in range(place(tile, tiles, sizes[BLOCKS]), place(tile + 1, tiles, sizes[BLOCKS])):
+        residual_out[i] = -g[i]
+        dv_out[i] = wp.vec3d()
+
+
+@wp.kernel
+def apply_blocks(begin: int, tiles: int, sizes: wp.array(dtype=int), partner: wp.array(dtype=int),
+                 fixed: wp.array(dtype=wp.uint8), m: wp.array(dtype=wp.mat33d), n: wp.array(dtype=wp.mat33d),
+                 residual: wp.array(dtype=wp.vec3d), z_out: wp.array(dtype=wp.vec3d)):  # fmt: skip
+    """z = M residual."""
+    tile = begin + wp.tid()
+    for i in range(place(tile, tiles, sizes[BLOCKS]), place(tile + 1, tiles, sizes[BLOCKS])):
+        if fixed[i] != wp.uint8(0):
+            z_out[i] = wp.vec3d()
+        else:
+            z_out[i] = preconditioned(i, partner, m, n, residual)
+
+
+@wp.kernel
+def dot(begin: int, tiles: int, sizes: wp.array(dtype=int), x: wp.array(dtype=wp.vec3d), y: wp.array(dtype=wp.vec3d),
+        sums_out: wp.array(dtype=real)):  # fmt: skip
+    """x . y by tiles."""
+    tile = begin + wp.tid()
+    total = real(0.0)
+    for i in range(place(tile, tiles, sizes[BLOCKS]), place(tile + 1, tiles, sizes[BLOCKS])):
+        total += wp.dot(x[i], y[i])
+    sums_out[tile] = total
+
+
+@wp.kernel
+def first_direction(begin: int, tiles: int, sums: wp.array(dtype=real), forcing: real, scalars: wp.array(dtype=real)):
+    """beta = 0, and the goal: ``forcing`` of the first residual."""
+    total = real(0.0)
+    for tile in range(tiles):
+        total += sums[tile]
+    scalars[RZ] = total
+    scalars[BETA] = real(0.0)
+    scalars[GOAL] = forcing * forcing * total
+    scalars[TRIES] = real(0.0)
+    scalars[DONE] = real(0.0)
+    if total <= real(0.0):
+        scalars[DONE] = real(1.0)
+
+
+@wp.kernel
+def direct(begin: int, tiles: int, sizes: wp.array(dtype=int), scalars: wp.array(dtype=real), z: wp.array(dtype=wp.vec3d),
+           p: wp.array(dtype=wp.vec3d)):  # fmt: skip
+    """p = z + beta p."""
+    tile = begin + wp.tid()
+    if scalars[DONE] == real(0.0):
+        beta = scalars[BETA]
+        for i in range(place(tile, tiles, sizes[BLOCKS]), place(tile + 1, tiles, sizes[BLOCKS])):
+            p[i] = z[i] + beta * p[i]
+
+
+@wp.kernel
+def contact_product(begin: int, tiles: int, sizes: wp.array(dtype=int), scalars: wp.array(dtype=real),
+                    offsets: wp.array(dtype=int), columns: wp.array(dtype=int), j: wp.array(dtype=wp.mat33d),
+                    d: wp.array(dtype=wp.mat33d), p: wp.array(dtype=wp.vec3d), y_out: wp.array(dtype=wp.vec3d)):  # fmt: skip
+    """y = D J p."""
+    tile = begin + wp.tid()
+    if scalars[DONE] == real(0.0):
+        for c in range(place(tile, tiles, sizes[CONTACTS]), place(tile + 1, tiles, sizes[CONTACTS])):
+            y_out[c] = d[c] * relative(c, offsets, columns, j, p)
+
+
+@wp.kernel
+def product(begin: int, tiles: int, sizes: wp.array(dtype=int), scalars: wp.array(dtype=real),
+            starts: wp.array(dtype=int), others: wp.array(dtype=int), a: wp.array(dtype=wp.mat33d),
+            t_offsets: wp.array(dtype=int), t_entries: wp.array(dtype=int), t_contacts: wp.array(dtype=int),
+            j: wp.array(dtype=wp.mat33d), fixed: wp.array(dtype=wp.uint8), y: wp.array(dtype=wp.vec3d),
+            p: wp.array(dtype=wp.vec3d), q_out: wp.array(dtype=wp.vec3d), sums_out: wp.array(dtype=real)):  # fmt: skip
+    """q = A p + J^T y, and p . q by tiles."""
+    tile = begin + wp.tid()
+    if scalars[DONE] == real(0.0):
+        total = real(0.0)
+        for i in range(place(tile, tiles, sizes[BLOCKS]), place(tile + 1, tiles, sizes[BLOCKS])):
+            q = wp.vec3d()
+            if fixed[i] == wp.uint8(0):
+                for e in range(starts[i], starts[i + 1]):
+                    q += a[e] * p[others[e]]
+                for k in range(t_offsets[i], t_offsets[i + 1]):
+                    q += wp.transpose(j[t_entries[k]]) * y[t_contacts[k]]
+            q_out[i] = q
+            total += wp.dot(p[i], q)
+        sums_out[tile] = total
+
+
+@wp.kernel
+def step_length(begin: int, tiles: int, sums: wp.array(dtype=real), scalars: wp.array(dtype=real)):
+    """alpha = r . z / p . q."""
+    if scalars[DONE] == real(0.0):
+        total = real(0.0)
+        for tile in range(tiles):
+            total += sums[tile]
+        if total > real(0.0):
+            scalars[ALPHA] = scalars[RZ] / total
+        else:
+            scalars[ALPHA] = real(0.0)
+            scalars[DONE] = real(1.0)
+
+
+@wp.kernel
+def advance(begin: int, tiles: int, sizes: wp.array(dtype=int), scalars: wp.array(dtype=real),
+            partner: wp.array(dtype=int), p: wp.array(dtype=wp.vec3d), q: wp.array(dtype=wp.vec3d),
+            dv: wp.array(dtype=wp.vec3d), residual: wp.array(dtype=wp.vec3d)):  # fmt: skip
+    """dv += alpha p, residual -= alpha q."""
+    tile = begin + wp.tid()
+    if scalars[DONE] == real(0.0):
+        alpha = scalars[ALPHA]
+        for i in range(place(tile, tiles, sizes[BLOCKS]), place(tile + 1, tiles, sizes[BLOCKS])):
+            dv[i] = dv[i] + alpha * p[i]
+            residual[i] = residual[i] - alpha * q[i]
+
+
+@wp.kernel
+def next_direction(begin: int, tiles: int, sums: wp.array(dtype=real), limit: real, scalars: wp.array(dtype=real)):
+    """beta, and whether the goal is reached."""
+    if scalars[DONE] == real(0.0):
+        total = real(0.0)
+        for tile in range(tiles):
+            total += sums[tile]
+        scalars[BETA] = total / scalars[RZ]
+        scalars[RZ] = total
+        scalars[TRIES] = scalars[TRIES] + real(1.0)
+        if total <= scalars[GOAL] or scalars[TRIES] >= limit:
+            scalars[DONE] = real(1.0)
+
+
+@wp.kernel
+def merit(begin: int, tiles: int, sizes: wp.array(dtype=int), offsets: wp.array(dtype=int), columns: wp.array(dtype=int),
+          j: wp.array(dtype=wp.mat33d), v: wp.array(dtype=wp.vec3d), floor: wp.array(dtype=real), mu: wp.array(dtype=real),
+          rho: wp.array(dtype=real), shift: wp.array(dtype=real), multiplier: wp.array(dtype=wp.vec3d),
+          sums_out: wp.array(dtype=real)):  # fmt: skip
+    """The contacts' part of the augmented Lagrangian, sum |r|^2 / (2 rho), by tiles."""
+    tile = begin + wp.tid()
+    total = real(0.0)
+    for c in range(place(tile, tiles, sizes[CONTACTS]), place(tile + 1, tiles, sizes[CONTACTS])):
+        w = relative(c, offsets, columns, j, v)
+        w[0] = w[0] - floor[c] + shift[c]
+        r = on_cone(multiplier[c] - rho[c] * w, mu[c])
+        total += real(0.5) * wp.dot(r, r) / rho[c]
+    sums_out[tile] = total
+
+
+@wp.kernel
+def inertia_merit(begin: int, tiles: int, sizes: wp.array(dtype=int), starts: wp.array(dtype=int),
+                  others: wp.array(dtype=int), a: wp.array(dtype=wp.mat33d), v: wp.array(dtype=wp.vec3d),
+                  free: wp.array(dtype=wp.vec3d), sums_out: wp.array(dtype=real)):  # fmt: skip
+    """(v - v*) . A (v - v*) / 2 by tiles."""
+    tile = begin + wp.tid()
+    total = real(0.0)
+    for i in range(place(tile, tiles, sizes[BLOCKS]), place(tile + 1, tiles, sizes[BLOCKS])):
+        q = wp.vec3d()
+        for e in range(starts[i], starts[i + 1]):
+            q += a[e] * (v[others[e]] - free[others[e]])
+        total += real(0.5) * wp.dot(v[i] - free[i], q)
+    sums_out[tile] = total
+
+
+@wp.kernel
+def move(begin: int, tiles: int, sizes: wp.array(dtype=int), scalars: wp.array(dtype=real), v: wp.array(dtype=wp.vec3d),
+         dv: wp.array(dtype=wp.vec3d), v_out: wp.array(dtype=wp.vec3d)):  # fmt: skip
+    """v_out = v + alpha dv, alpha in the place of the step length."""
+    tile = begin + wp.tid()
+    for i in range(place(tile, tiles, sizes[BLOCKS]), place(tile + 1, tiles, sizes[BLOCKS])):
+        v_out[i] = v[i] + scalars[ALPHA] * dv[i]
+
+
+@wp.kernel
+def local_inverses(begin: int, tiles: int, sizes: wp.array(dtype=int), starts: wp.array(dtype=int),
+                   others: wp.array(dtype=int), a: wp.array(dtype=wp.mat33d), local_out: wp.array(dtype=wp.mat33d)):  # fmt: skip
+    """Inverses of the diagonal blocks of A."""
+    tile = begin + wp.tid()
+    for i in range(place(tile, tiles, sizes[BLOCKS]), place(tile + 1, tiles, sizes[BLOCKS])):
+        for e in range(starts[i], starts[i + 1]):
+            if others[e] == i:
+                local_out[i] = wp.inverse(a[e])
+
+
+@wp.kernel
+def penalties(begin: int, tiles: int, sizes: wp.array(dtype=int), offsets: wp.array(dtype=int),
+              columns: wp.array(dtype=int), j: wp.array(dtype=wp.mat33d), local: wp.array(dtype=wp.mat33d),
+              fixed: wp.array(dtype=wp.uint8), scale: wp.array(dtype=real), rho_out: wp.array(dtype=real)):  # fmt: skip
+    """rho = scale over the mean compliance of the contact, J D_A^-1 J^T."""
+    tile = begin + wp.tid()
+    for c in range(place(tile, tiles, sizes[CONTACTS]), place(tile + 1, tiles, sizes[CONTACTS])):
+        w = real(0.0)
+        for e in range(offsets[c], offsets[c + 1]):
+            if fixed[columns[e]] == wp.uint8(0):
+                w += wp.trace(j[e] * local[columns[e]] * wp.transpose(j[e]))
+        rho_out[c] = real(3.0) * scale[0] / wp.max(w, real(1.0e-300))
+
+
+@wp.kernel
+def wanted_shift(begin: int, tiles: int, sizes: wp.array(dtype=int), offsets: wp.array(dtype=int),
+                 columns: wp.array(dtype=int), j: wp.array(dtype=wp.mat33d), v: wp.array(dtype=wp.vec3d),
+                 mu: wp.array(dtype=real), y_out: wp.array(dtype=wp.vec3d)):  # fmt: skip
+    """mu |u_t| into the first component of y: what the shift is at the start."""
+    tile = begin + wp.tid()
+    for c in range(place(tile, tiles, sizes[CONTACTS]), place(tile + 1, tiles, sizes[CONTACTS])):
+        u = relative(c, offsets, columns, j, v)
+        y_out[c] = wp.vec3d(mu[c] * wp.sqrt(u[1] * u[1] + u[2] * u[2]), real(0.0), real(0.0))
