@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from turnbuckle.scene.base_definition import Definition, exactly_one, problem
+from turnbuckle.scene.contact_definitions import TouchFields
 from turnbuckle.scene.fields import (
     COUNT_LIMIT,
     Cells2,
@@ -32,7 +33,7 @@ from turnbuckle.scene.fields import (
 MESH = Field(default=None, description="Path of a mesh file, relative to the scene file [path].")
 
 
-class BodyBase(Definition):
+class BodyBase(TouchFields):
     """What all bodies share. A point p of the body starts at x = position + R (scale * p)."""
 
     name: Name = Field(description="Name, unique among bodies [text].")
@@ -133,10 +134,21 @@ class NetDef(SheetDef):
 
 
 class ClothDef(SheetDef):
-    """Cloth: as a net, with shear springs."""
+    """Cloth: as a net, with shear springs; it bends by springs, or by the angles between its triangles."""
 
     type: Literal["cloth"] = "cloth"
     shear_stiffness: NonNegative = Field(default=1e3, description="Springs along both diagonals of a grid cell [N/m].")
+    bend_model: Literal["springs", "hinges"] = Field(
+        default="springs",
+        description="What bend_stiffness is of: springs [N/m], or the angle across each inner edge [N m/rad] [text].",
+    )
+    bend_damping: NonNegative | None = Field(
+        default=None,
+        description="Of bending springs, as damping when left out [N s/m]; of angles, 0 when left out [N m s/rad].",
+    )
+    strain_limit: Positive | None = Field(
+        default=None, description="Structural and shear springs get no longer than by this part of their length [1]."
+    )
 
 
 class BoxDef(Definition):
@@ -167,8 +179,49 @@ class CylinderDef(Definition):
         return self
 
 
-class SolidDef(BodyBase):
-    """A tetrahedral solid with the distance, area and volume energies of Teschner et al. 2004 (E = k C^2 / 2)."""
+TESCHNER = ("k_distance", "k_area", "k_volume", "damping_distance", "damping_area", "damping_volume")
+COROTATIONAL = ("youngs_modulus", "poissons_ratio", "damping")
+
+
+class MaterialFields(Definition):
+    """What a solid is made of: the distance, area and volume energies of Teschner et al. 2004 (E = k C^2 / 2), or
+    linear elasticity in the frame of each element's rotation (Mueller and Gross 2004).
+    """
+
+    material: Literal["teschner", "corotational"] | None = Field(
+        default=None, description="Kind of material; corotational where youngs_modulus is given, else teschner [text]."
+    )
+    youngs_modulus: Positive | None = Field(default=None, description="Corotational: Young's modulus, 1e5 [Pa].")
+    poissons_ratio: Annotated[NonNegative, Field(lt=0.5)] | None = Field(
+        default=None, description="Corotational: Poisson's ratio, 0.3, below 0.5 [1]."
+    )
+    damping: NonNegative | None = Field(
+        default=None, description="Corotational: viscous forces are this time times the stiffness, 0 [s]."
+    )
+    k_distance: NonNegative = Field(default=100.0, description="Stiffness of edges, C = (l - l0) / l0 [J].")
+    k_area: NonNegative = Field(default=100.0, description="Stiffness of faces, C = (A - A0) / A0 [J].")
+    k_volume: NonNegative = Field(default=100.0, description="Stiffness of volumes, C = (V - V0) / V0 [J].")
+    damping_distance: NonNegative = Field(default=0.0, description="Damping of edges [J s].")
+    damping_area: NonNegative = Field(default=0.0, description="Damping of faces [J s].")
+    damping_volume: NonNegative = Field(default=0.0, description="Damping of volumes [J s].")
+
+    @model_validator(mode="after")
+    def _check_material(self) -> MaterialFields:
+        given = [name for name in COROTATIONAL if getattr(self, name) is not None]
+        if self.material is None:
+            self.fill("material", "corotational" if given else "teschner")
+        others = given if self.material == "teschner" else [n for n in TESCHNER if n in self.model_fields_set]
+        if others:
+            raise problem(f"{others[0]} does not go with material: {self.material}", others[0])
+        if self.material == "corotational":
+            for name, value in (("youngs_modulus", 1e5), ("poissons_ratio", 0.3), ("damping", 0.0)):
+                if getattr(self, name) is None:
+                    self.fill(name, value)
+        return self
+
+
+class SolidDef(BodyBase, MaterialFields):
+    """A tetrahedral solid."""
 
     type: Literal["solid"] = "solid"
     mesh: MeshPath | None = Field(
@@ -184,12 +237,6 @@ class SolidDef(BodyBase):
     edge_length: Positive | None = Field(default=None, description="Wanted edge length of the tetrahedra [m].")
     density: Positive | None = Field(default=None, description="Mass per volume [kg/m^3], 1000 when no mass is given.")
     mass: Positive | None = Field(default=None, description="Mass of the whole solid [kg].")
-    k_distance: NonNegative = Field(default=100.0, description="Stiffness of edges, C = (l - l0) / l0 [J].")
-    k_area: NonNegative = Field(default=100.0, description="Stiffness of faces, C = (A - A0) / A0 [J].")
-    k_volume: NonNegative = Field(default=100.0, description="Stiffness of volumes, C = (V - V0) / V0 [J].")
-    damping_distance: NonNegative = Field(default=0.0, description="Damping of edges [J s].")
-    damping_area: NonNegative = Field(default=0.0, description="Damping of faces [J s].")
-    damping_volume: NonNegative = Field(default=0.0, description="Damping of volumes [J s].")
 
     @model_validator(mode="after")
     def _check(self) -> SolidDef:

@@ -18,7 +18,10 @@ from turnbuckle.data.tables import Tables, empty_table
 from turnbuckle.scene.build_bodies import Body, build_body
 from turnbuckle.scene.build_coating import carry_coatings, dress_coatings, expand_coatings
 from turnbuckle.scene.build_constraints import add_constraints
+from turnbuckle.scene.build_contact import contact_options, contact_surfaces
+from turnbuckle.scene.build_hinges import hinge_angles
 from turnbuckle.scene.build_joints import add_joints, empty_parts
+from turnbuckle.scene.build_obstacles import first_velocities, scripted
 from turnbuckle.scene.build_rigid_bodies import first_state as first_rigid_state
 from turnbuckle.scene.build_rigid_bodies import no_loads, rigid_bodies, rigid_field
 from turnbuckle.scene.build_skin import add_skins
@@ -48,16 +51,17 @@ def build(definition: SceneDef, folder: Path, device: str = "cpu") -> tuple[Mode
     x = np.concatenate([b.x for b in bodies])
     mass = np.concatenate([b.mass for b in bodies])
     springs = _springs(bodies, begins, x)
-    corners = np.concatenate([b.tetrahedra + begin for b, begin in zip(bodies, begins[:-1], strict=True)]).astype(
-        np.int32
-    )
-    material = np.repeat(np.arange(len(bodies)), [len(b.tetrahedra) for b in bodies]).astype(np.int32)
+    every = _numbered([b.tetrahedra for b in bodies], begins)
+    owner = np.repeat(np.arange(len(bodies)), [len(b.tetrahedra) for b in bodies]).astype(np.int32)
+    elastic = np.array([b.elastic is not None for b in bodies])[owner]
+    corners, material = every[~elastic], owner[~elastic]
     materials = np.array([b.material for b in bodies], dtype=np.float64)
     tets, owns_edge, owns_triangle = make_tetrahedra(corners, material, materials, x)
     shapes = tuple(_shape(b.shape, int(begin)) for b, begin in zip(bodies, begins[:-1], strict=True))
     rigid = [(d, b, s) for d, b, s in zip(definition.bodies, bodies, shapes, strict=True) if isinstance(d, RigidDef)]
     rigid_definitions = [d for d, _, _ in rigid]
     rigids = rigid_bodies(rigid_definitions, [b for _, b, _ in rigid], [s for _, _, s in rigid], len(x))
+    dressed = dress_coatings(written, shapes, x, folder)
     fields, rigid_fields = _fields(definition.forces, shapes, mass, rigids)
     model = Model(
         name=definition.name,
@@ -72,22 +76,24 @@ def build(definition: SceneDef, folder: Path, device: str = "cpu") -> tuple[Mode
         springs=springs,
         tetrahedra=tets,
         fields=fields,
-        shapes=add_skins(written, dress_coatings(written, shapes, x, folder), x),
+        shapes=add_skins(written, dressed, x),
         rigid=rigids,
         rigid_fields=rigid_fields,
         solver=definition.solver,
         displacement=definition.displacement,
         rigid_motion=definition.rigid_motion,
         max_rotation=definition.max_rotation,
-        hinges=Hinges(np.zeros((0, 4), np.int32), np.zeros(0), np.zeros(0), np.zeros(0)),
-        corotational=Corotational(
-            np.zeros((0, 4), np.int32), np.zeros(0), np.zeros(0), np.zeros(0), np.zeros((0, 4, 3))
-        ),
-        strain_limits=StrainLimits(np.zeros((0, 2), np.int32), np.zeros(0)),
+        hinges=_hinges(bodies, begins, x),
+        corotational=_corotational(bodies, every[elastic], owner[elastic], x),
+        strain_limits=_strain_limits(bodies, begins, x),
+        scripted=scripted(definition.bodies, [b.motion for b in bodies], shapes),
+        surfaces=contact_surfaces(definition, dressed, x),
+        contact=contact_options(definition.contact),
         repairs=tuple(b.repairs for b in bodies if b.repairs),
         device_arrays=upload(mass, springs, tets, owns_edge, owns_triangle, device),
     )
     velocity = np.repeat([b.velocity for b in bodies], np.diff(begins), axis=0)
+    first_velocities(model.scripted, velocity, definition.dt)
     state = _first_state(definition, model, velocity, rigid_definitions)
     carry_coatings(written, model, state)
     joints = [c for c in definition.constraints if isinstance(c, BodyPairDef)]
@@ -119,14 +125,45 @@ def _first_state(definition: SceneDef, model: Model, velocity: np.ndarray, rigid
         dt=0.0,
         owner=owner,
         domain_use=domain_use,
-        follows=model.body_of >= 0,
+        follows=_followers(model),
         nailed=nailed,
         external=external,
     )
 
 
+def _followers(model: Model) -> np.ndarray:
+    """Points without a mass of their own (points,) bool: those of rigid bodies and of scripts."""
+    follows = model.body_of >= 0
+    for script in model.scripted:
+        follows[script.begin : script.end] = True
+    return follows
+
+
+def _numbered(parts: list[np.ndarray], begins: np.ndarray) -> np.ndarray:
+    """Elements of all bodies, their points numbered among those of the state."""
+    return np.concatenate([part + begin for part, begin in zip(parts, begins[:-1], strict=True)]).astype(np.int32)
+
+
+def _hinges(bodies: list[Body], begins: np.ndarray, x: np.ndarray) -> Hinges:
+    points = _numbered([b.hinges for b in bodies], begins)
+    counts = [len(b.hinges) for b in bodies]
+    k, k_d = (np.repeat([getattr(b, f"hinge_{name}") for b in bodies], counts) for name in ("stiffness", "damping"))
+    return Hinges(points, hinge_angles(points, x), k, k_d)
+
+
+def _strain_limits(bodies: list[Body], begins: np.ndarray, x: np.ndarray) -> StrainLimits:
+    pairs = _numbered([b.limited for b in bodies], begins)
+    longest = 1.0 + np.repeat([b.strain_limit for b in bodies], [len(b.limited) for b in bodies])
+    return StrainLimits(pairs, longest * np.linalg.norm(x[pairs[:, 1]] - x[pairs[:, 0]], axis=1))
+
+
+def _corotational(bodies: list[Body], corners: np.ndarray, owner: np.ndarray, x: np.ndarray) -> Corotational:
+    values = np.array([b.elastic or (0.0, 0.0, 0.0) for b in bodies])[owner].reshape(-1, 3)
+    return Corotational(corners, *(np.ascontiguousarray(column) for column in values.T), rest=x[corners])
+
+
 def _springs(bodies: list[Body], begins: np.ndarray, x: np.ndarray) -> Springs:
-    pairs = np.concatenate([b.pairs + begin for b, begin in zip(bodies, begins[:-1], strict=True)]).astype(np.int32)
+    pairs = _numbered([b.pairs for b in bodies], begins)
     length = np.linalg.norm(x[pairs[:, 1]] - x[pairs[:, 0]], axis=1)
     for body, begin in zip(bodies, begins[:-1], strict=True):
         flat = np.linalg.norm(x[body.pairs[:, 1] + begin] - x[body.pairs[:, 0] + begin], axis=1) == 0.0

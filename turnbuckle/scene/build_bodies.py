@@ -19,8 +19,10 @@ from turnbuckle.meshes.shapes import (
     six_volumes,
 )
 from turnbuckle.meshes.tetrahedralise import tetrahedralise
+from turnbuckle.scene.build_hinges import hinge_points
+from turnbuckle.scene.build_obstacles import ObstacleMotion, obstacle
 from turnbuckle.scene.build_rigid import RigidShape, rigid_shape
-from turnbuckle.scene.definitions import BodyBase, RigidDef, RopeDef, SheetDef, SolidDef
+from turnbuckle.scene.definitions import BodyBase, ClothDef, ObstacleDef, RigidDef, RopeDef, SheetDef, SolidDef
 from turnbuckle.scene.trajectories import start_pose
 
 FILLED = 0.01  # of a surface's volume: what tetrahedra may miss before it is said
@@ -42,11 +44,20 @@ class Body:
     material: tuple[float, ...] = (0.0,) * 6
     repairs: str = ""
     rigid: RigidShape | None = None
+    hinges: np.ndarray = field(default_factory=lambda: np.zeros((0, 4), np.int32))
+    hinge_stiffness: float = 0.0  # [N m/rad]
+    hinge_damping: float = 0.0  # [N m s/rad]
+    limited: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), np.int32))  # pairs under a strain limit
+    strain_limit: float = 0.0  # [1]
+    elastic: tuple[float, float, float] | None = None  # corotational: E [Pa], nu, damping [s]; then no `material`
+    motion: ObstacleMotion | None = None
 
 
-def build_body(definition: RigidDef | RopeDef | SheetDef | SolidDef, folder: Path) -> Body:
+def build_body(definition: ObstacleDef | RigidDef | RopeDef | SheetDef | SolidDef, folder: Path) -> Body:
     """Make a body; mesh paths are relative to ``folder``. Raises InputError that names the body."""
     try:
+        if isinstance(definition, ObstacleDef):
+            return _obstacle(definition, folder)
         if isinstance(definition, RigidDef):
             return _rigid(definition, folder)
         if isinstance(definition, RopeDef):
@@ -146,16 +157,24 @@ def _sheet(d: SheetDef, folder: Path) -> Body:
     corner = x[triangles]
     area = 0.5 * np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
     mass = _lumped(len(x), triangles, area, d, "area")
-    springs = [
-        (pairs, stiffness)
-        for pairs, stiffness in ((edges, d.structural_stiffness), (shear, d.shear_stiffness), (bend, d.bend_stiffness))
-        if stiffness > 0.0 and len(pairs)
-    ]
-    pairs = np.concatenate([np.zeros((0, 2), np.int32), *(p for p, _ in springs)])
-    k = np.concatenate([np.zeros(0), *(np.full(len(p), s) for p, s in springs)])
+    by_hinges = isinstance(d, ClothDef) and d.bend_model == "hinges"
+    bend_damping = d.bend_damping if isinstance(d, ClothDef) else None
+    kinds = [(edges, d.structural_stiffness, d.damping), (shear, d.shear_stiffness, d.damping)]
+    if not by_hinges:
+        kinds.append((bend, d.bend_stiffness, d.damping if bend_damping is None else bend_damping))
+    springs = [kind for kind in kinds if kind[1] > 0.0 and len(kind[0])]
+    pairs = np.concatenate([np.zeros((0, 2), np.int32), *(p for p, _, _ in springs)])
+    k = np.concatenate([np.zeros(0), *(np.full(len(p), s) for p, s, _ in springs)])
+    damping = np.concatenate([np.zeros(0), *(np.full(len(p), c) for p, _, c in springs)])
     drawn = {"lines": edges} if d.type == "net" else {"triangles": np.asarray(triangles, dtype=np.int32)}
     shape = Shape(d.name, 0, len(x), color=_color(d), **drawn)
-    return Body(d.name, x, mass, d.velocity, shape, pairs.astype(np.int32), k, np.full(len(k), d.damping))
+    body = Body(d.name, x, mass, d.velocity, shape, pairs.astype(np.int32), k, damping)
+    if by_hinges and d.bend_stiffness > 0.0:
+        body.hinges, body.hinge_stiffness = hinge_points(triangles, len(x)), d.bend_stiffness
+        body.hinge_damping = bend_damping or 0.0
+    if isinstance(d, ClothDef) and d.strain_limit is not None:
+        body.limited, body.strain_limit = np.concatenate([edges, shear]).astype(np.int32), d.strain_limit
+    return body
 
 
 def _across_edges(triangles: np.ndarray, n: int) -> np.ndarray:
@@ -223,7 +242,18 @@ def _solid(d: SolidDef, folder: Path) -> Body:
         d.name, 0, len(x), triangles=boundary_triangles(cells), tetrahedra=np.asarray(cells, dtype=np.int32), skin=skin,
         color=_color(d),
     )  # fmt: skip
-    material = (d.k_distance, d.k_area, d.k_volume, d.damping_distance, d.damping_area, d.damping_volume)
+    material: tuple[float, ...] = (
+        d.k_distance,
+        d.k_area,
+        d.k_volume,
+        d.damping_distance,
+        d.damping_area,
+        d.damping_volume,
+    )
+    elastic = None
+    if d.material == "corotational":
+        material = (0.0,) * 6
+        elastic = (float(d.youngs_modulus or 0.0), float(d.poissons_ratio or 0.0), float(d.damping or 0.0))
     repairs = f"{d.name}: {'; '.join(notes)}" if notes else ""
     return Body(
         d.name,
@@ -234,6 +264,7 @@ def _solid(d: SolidDef, folder: Path) -> Body:
         tetrahedra=np.asarray(cells, dtype=np.int32),
         material=material,
         repairs=repairs,
+        elastic=elastic,
     )
 
 
@@ -260,3 +291,11 @@ def _rigid(d: RigidDef, folder: Path) -> Body:
         still=d.motion == "immobile",
     )  # fmt: skip
     return Body(name=d.name, x=own, mass=np.zeros(len(own)), velocity=np.zeros(3), shape=drawn, rigid=shape)
+
+
+def _obstacle(d: ObstacleDef, folder: Path) -> Body:
+    """Its points go where its motion says; they have no mass."""
+    motion, triangles = obstacle(d, folder)
+    x = motion(0.0)
+    shape = Shape(d.name, 0, len(x), triangles=triangles, color=_color(d), still=not motion.moves)
+    return Body(name=d.name, x=x, mass=np.zeros(len(x)), velocity=np.zeros(3), shape=shape, motion=motion)

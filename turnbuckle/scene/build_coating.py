@@ -22,13 +22,15 @@ from turnbuckle.meshes.repair import check_surface
 from turnbuckle.meshes.shapes import six_volumes
 from turnbuckle.meshes.shell import Shell, box_shell, capsule_shell, cylinder_shell, sphere_shell
 from turnbuckle.meshes.tetrahedralise import tetrahedralise
+from turnbuckle.scene.body_definitions import MaterialFields
 from turnbuckle.scene.build_rigid import rigid_shape
+from turnbuckle.scene.contact_definitions import TOUCH
 from turnbuckle.scene.definitions import CoatingDef, PointsDef, PointsToPointDef, RigidDef, SceneDef, SolidDef
 from turnbuckle.scene.trajectories import start_pose
 
 FINER = 3.0  # than the tetrahedra is the surface that is drawn of a coating
 FINE = 20_000  # tetrahedra, whose own boundary is fine enough
-MATERIAL = ("k_distance", "k_area", "k_volume", "damping_distance", "damping_area", "damping_volume")
+MATERIAL = (*TOUCH, *MaterialFields.model_fields)
 
 
 def expand_coatings(definition: SceneDef, folder: Path) -> SceneDef:
@@ -177,5 +179,5 @@ def _solid(coating: CoatingDef, kernel: RigidDef, shell: Shell) -> SolidDef:
         vertices=shell.vertices,
         tetrahedra=shell.tetrahedra,
         mass=mass,
-        **{name: getattr(coating, name) for name in MATERIAL},
+        **{name: getattr(coating, name) for name in MATERIAL if name in coating.model_fields_set},
     )

@@ -41,6 +41,7 @@ from turnbuckle.scene.constraint_definitions import (
     SlideOnDef,
     VelocityDef,
 )
+from turnbuckle.scene.contact_definitions import ContactDef, ContactField, FrictionDef, contact_problems
 from turnbuckle.scene.expression import compile_expression
 from turnbuckle.scene.fields import Count, Name, NonNegative, Positive, Text, Vec3
 from turnbuckle.scene.joint_definitions import (
@@ -69,15 +70,16 @@ from turnbuckle.scene.named_joints import (
     UniversalDef,
     WeldDef,
 )
+from turnbuckle.scene.obstacle_definitions import ObstacleDef
 from turnbuckle.scene.rigid_definitions import PartDef, RigidDef, RoundDef, TrajectoryDef
 from turnbuckle.scene.skin_definitions import CoatingDef, SectionDef, SkinDef
 from turnbuckle.scene.suggestion import did_you_mean
 
 __all__ = [
     "AngleDef", "AttachDef", "AttachToDef", "AxialDef", "BallDef", "BodyBase", "BodyDef", "BodyPairDef", "BoxDef",
-    "ClothDef", "CoatingDef", "CoincidentDef", "ConeTwistDef", "ConstraintBase", "ConstraintDef", "CurveDef",
-    "CylinderDef", "CylindricalDef", "DisplacementDef", "DistanceDef", "ForceDef", "INTEGRATORS", "JointDef", "JOINTS",
-    "KeyframesDef", "MotorDef", "NailDef", "NamedJointDef", "NetDef", "PartDef", "PlanarDef", "PlanarJointDef",
+    "ClothDef", "CoatingDef", "CoincidentDef", "ConeTwistDef", "ConstraintBase", "ConstraintDef", "ContactDef", "CurveDef",
+    "CylinderDef", "CylindricalDef", "DisplacementDef", "DistanceDef", "ForceDef", "FrictionDef", "INTEGRATORS", "JointDef", "JOINTS",
+    "KeyframesDef", "MotorDef", "NailDef", "NamedJointDef", "NetDef", "ObstacleDef", "PartDef", "PlanarDef", "PlanarJointDef",
     "PointRef", "PointsDef", "PointsToPointDef", "PointToRingDef", "PrismaticDef", "RampDef", "RevoluteDef", "RigidDef",
     "RollingDef", "RopeDef", "RoundDef", "SceneDef", "SectionDef", "SheetDef", "SkinDef", "SlideDef", "SlideOnDef",
     "SolidDef", "SphereDomainDef", "SurfaceDef", "TrajectoryDef", "TwistDef", "UniversalDef", "VelocityDef", "WeldDef",
@@ -118,7 +120,8 @@ BodyDef = Annotated[
     | Annotated[ClothDef, Tag("<cloth>")]
     | Annotated[SolidDef, Tag("<solid>")]
     | Annotated[RigidDef, Tag("<rigid>")]
-    | Annotated[CoatingDef, Tag("<coating>")],
+    | Annotated[CoatingDef, Tag("<coating>")]
+    | Annotated[ObstacleDef, Tag("<obstacle>")],
     Discriminator(_type_of),
 ]
 ConstraintDef = Annotated[
@@ -216,7 +219,10 @@ class SceneDef(Definition):
     gravity: Vec3 | None = Field(default=None, description="Gravity; 9.81 down when left out [m/s^2].")
     dt: Positive = Field(default=1e-3, description="Time step [s].")
     duration: NonNegative = Field(default=1.0, description="Simulated time [s].")
-    integrator: Integrator = Field(default="verlet", description="Scheme, one for the whole scene [text].")
+    integrator: Integrator = Field(
+        default="verlet",
+        description="Scheme, one for the whole scene; with contact implicit_euler if none is given [text].",
+    )
     response: Literal["exact", "paper"] = Field(
         default="exact", description="Exact in position and velocity, or the letter of the paper [text]."
     )
@@ -240,6 +246,10 @@ class SceneDef(Definition):
     forces: list[ForceDef] = Field(default_factory=list, description="Force fields [list].")
     constraints: list[ConstraintDef] = Field(default_factory=list, description="The constraints [list].")
     skins: list[SkinDef] = Field(default_factory=list, description="Surfaces over chains of bodies [list].")
+    contact: ContactField = Field(
+        default=None, description="Contact between bodies: true, or its options; none when left out [options]."
+    )
+    frictions: list[FrictionDef] = Field(default_factory=list, description="Friction of pairs of materials [list].")
 
     def gravity_vector(self) -> np.ndarray:
         """Gravity [m/s^2], shape (3,): as given, or 9.81 m/s^2 down."""
@@ -249,6 +259,8 @@ class SceneDef(Definition):
 
     @model_validator(mode="after")
     def _check_names(self) -> SceneDef:
+        if self.contact is not None and "integrator" not in self.model_fields_set:
+            self.fill("integrator", "implicit_euler")
         problems = list(name_problems(self))
         if problems:
             raise PydanticCustomError("turnbuckle_many", "{text}", {"text": problems[0][1], "problems": problems})
@@ -266,6 +278,8 @@ def name_problems(scene: SceneDef) -> Iterator[Located]:
                 yield (kind, i, "name"), f"{item.name!r} is already the name of {kind}[{seen[item.name]}]"
             seen.setdefault(item.name, i)
     bodies = dict.fromkeys(body.name for body in scene.bodies)  # in order, quick to look up
+    materials = dict.fromkeys(body.friction for body in scene.bodies if body.friction is not None)
+    yield from contact_problems(scene.contact, scene.frictions, bodies, materials)
     for i, skin in enumerate(scene.skins):
         if skin.name in bodies:
             yield ("skins", i, "name"), f"{skin.name!r} is already the name of a body"

@@ -88,6 +88,20 @@ def _mesh_path(value: Any) -> Any:
     return str(value) if isinstance(value, Path) else value
 
 
+def _sequence_exists(value: str, info: ValidationInfo) -> str:
+    """A sequence of meshes, a file or a folder, must be there when the scene is read."""
+    folder = (info.context or {}).get("folder")
+    if folder is not None:
+        path = Path(folder) / value
+        try:
+            found = path.exists()
+        except (OSError, ValueError):
+            found = False
+        if not found:
+            raise _fail(f"there is no file or folder {str(path)!r}")
+    return value
+
+
 def _mesh_exists(value: str, info: ValidationInfo) -> str:
     """A mesh must be there when the scene is read; without a `folder` in the context nothing is looked up."""
     folder = (info.context or {}).get("folder")
@@ -116,6 +130,7 @@ Index = Annotated[int, Field(ge=0, le=_INT32_MAX), BeforeValidator(_integer)]
 Flag = Annotated[bool, BeforeValidator(_flag)]
 Text = Annotated[str, Field(min_length=1, max_length=1000), BeforeValidator(_text)]
 MeshPath = Annotated[Text, BeforeValidator(_mesh_path), AfterValidator(_mesh_exists)]
+SequencePath = Annotated[Text, BeforeValidator(_mesh_path), AfterValidator(_sequence_exists)]
 Name = Annotated[str, Field(min_length=1, max_length=200, pattern=r"^\w[\w.\-]*$"), BeforeValidator(_text)]
 
 
@@ -241,6 +256,7 @@ Positions = Annotated[np.ndarray, ArraySpec(((None, 3),))]
 PositionOrPositions = Annotated[np.ndarray, ArraySpec(((3,), (None, 3)))]
 Times = Annotated[np.ndarray, ArraySpec(((None,),))]
 KeyPositions = Annotated[np.ndarray, ArraySpec(((None, 3), (None, None, 3)))]
+Frames = Annotated[np.ndarray, ArraySpec(((None, None, 3),))]
 Indices = Annotated[np.ndarray, ArraySpec(((None,),), np.int32)]
 Lines = Annotated[np.ndarray, ArraySpec(((None, 2),), np.int32)]
 Triangles = Annotated[np.ndarray, ArraySpec(((None, 3),), np.int32)]

@@ -20,6 +20,7 @@ from turnbuckle.scene.definitions import (
     ForceDef,
     NailDef,
     NetDef,
+    ObstacleDef,
     PointsToPointDef,
     RigidDef,
     RopeDef,
@@ -144,6 +145,10 @@ class Scene:
     def add_rigid(self, name: str, **fields: Any) -> str:
         """Add a rigid body (fields of `RigidDef`); returns its name."""
         return self._add("bodies", RigidDef, "rigid", name, fields)
+
+    def add_obstacle(self, name: str, **fields: Any) -> str:
+        """Add an obstacle, immobile or scripted (fields of `ObstacleDef`); returns its name."""
+        return self._add("bodies", ObstacleDef, "obstacle", name, fields)
 
     def add_coating(self, name: str, **fields: Any) -> str:
         """Add deformable material around a rigid body (fields of `CoatingDef`: around, thickness); returns its name."""

@@ -7,10 +7,12 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from turnbuckle.scene.base_definition import Definition, exactly_one, problem
-from turnbuckle.scene.fields import Color, Corners, Count, MeshPath, Name, NonNegative, Positive, Vec3
+from turnbuckle.scene.body_definitions import MaterialFields
+from turnbuckle.scene.contact_definitions import TouchFields
+from turnbuckle.scene.fields import Color, Corners, Count, MeshPath, Name, Positive, Vec3
 
 
-class CoatingDef(Definition):
+class CoatingDef(TouchFields, MaterialFields):
     """A deformable solid around a rigid body, its kernel. It lies and moves with the kernel at the start.
 
     Its inner points, those on the kernel's surface (with `mesh`: in the kernel), are held on the kernel exactly by a
@@ -31,12 +33,6 @@ class CoatingDef(Definition):
     color: Color | None = Field(default=None, description="Red, green, blue, each from 0 to 1 [1].")
     density: Positive | None = Field(default=None, description="Mass per volume [kg/m^3], 1000 when no mass is given.")
     mass: Positive | None = Field(default=None, description="Mass of the whole coating [kg].")
-    k_distance: NonNegative = Field(default=100.0, description="Stiffness of edges, C = (l - l0) / l0 [J].")
-    k_area: NonNegative = Field(default=100.0, description="Stiffness of faces, C = (A - A0) / A0 [J].")
-    k_volume: NonNegative = Field(default=100.0, description="Stiffness of volumes, C = (V - V0) / V0 [J].")
-    damping_distance: NonNegative = Field(default=0.0, description="Damping of edges [J s].")
-    damping_area: NonNegative = Field(default=0.0, description="Damping of faces [J s].")
-    damping_volume: NonNegative = Field(default=0.0, description="Damping of volumes [J s].")
 
     @model_validator(mode="after")
     def _check(self) -> CoatingDef:

@@ -8,6 +8,7 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline, Slerp
 
 from turnbuckle.data.errors import InputError, StepError
+from turnbuckle.scene.obstacle_definitions import ObstacleDef
 from turnbuckle.scene.rigid_definitions import RigidDef, TrajectoryDef
 
 DIFFERENCE = 2e-4  # step of the differences that rates are taken from [s]: of fourth order, good to 1e-11
@@ -35,14 +36,14 @@ class Trajectory:
         return v, w
 
 
-def start_pose(d: RigidDef) -> tuple[np.ndarray, Rotation]:
+def start_pose(d: RigidDef | ObstacleDef) -> tuple[np.ndarray, Rotation]:
     """Where a body's own frame starts: origin (3,) [m] and rotation. Raises `InputError`."""
     if d.trajectory is not None:
         return trajectory_of(d).pose(0.0)
     return np.array(d.position), Rotation.from_rotvec(np.array(d.rotation))
 
 
-def trajectory_of(d: RigidDef) -> Trajectory:
+def trajectory_of(d: RigidDef | ObstacleDef) -> Trajectory:
     """The trajectory of a scripted body. Raises `InputError`."""
     given = d.trajectory
     if isinstance(given, TrajectoryDef):

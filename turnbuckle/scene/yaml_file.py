@@ -22,7 +22,7 @@ from turnbuckle.scene.yaml_nodes import Node, YamlError, line_of, parse_yaml, pl
 from turnbuckle.scene.yaml_writer import write_yaml
 
 LONG_ARRAY = 50  # rows; longer arrays of a saved scene go into a file beside it
-MESH_FIELDS = ("mesh", "surface")
+MESH_FIELDS = ("mesh", "surface", "sequence")
 
 
 def read_definition(path: str | os.PathLike[str]) -> SceneDef:
@@ -129,6 +129,8 @@ def refuse_callables(definition: SceneDef) -> None:
     for body in definition.bodies:
         if callable(getattr(body, "trajectory", None)):
             found.append(f"the trajectory of the body {body.name!r} is a Python callable; give keyframes")
+        if callable(getattr(body, "motion", None)):
+            found.append(f"the motion of the obstacle {body.name!r} is a Python callable; give frames or a sequence")
     if found:
         raise InputError("a scene file cannot hold callables: " + ", and ".join(found))
 
