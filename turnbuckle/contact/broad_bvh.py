@@ -1,0 +1,253 @@
+"""A hierarchy of boxes with eight children a node, complete and implicit: node k of a level has nodes 8k to 8k + 7 of
+the level below. Features keep their leaves while their boxes move (a refit); leaves are dealt out anew, along a
+space-filling curve, when the boxes have grown. One comparison takes the eight boxes of a node.
+
+Every child carries the largest number, the shape and whether anything moves below it, so that halves of edge-edge pairs,
+bodies that do not collide and pairs of immovables are left out high up.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from turnbuckle.contact.broad_boxes import FeatureNumbers, Features
+from turnbuckle.contact.broad_lists import F32, I32, U8, Filter, Lists, copy_chunk, search_source
+
+wp.set_module_options({"enable_backward": False})
+
+WIDTH = 8  # children of a node
+
+
+@wp.struct
+class Tree:
+    """Nodes level by level, leaves first. At the leaves, `most` is the feature itself, -1 for none."""
+
+    box: wp.array(dtype=wp.float32)  # (nodes * 48,): lower x of eight children, lower y, z, upper x, y, z
+    most: wp.array(dtype=wp.int32)  # (nodes * 8,) largest number of a feature below the child, -1 for none
+    tag: wp.array(dtype=wp.int32)  # (nodes * 8,) 2 (shape + 1), or 0 for several; + 1 if something moves
+    first: wp.array(dtype=wp.int32)  # (levels,) first node of each level
+    levels: int
+
+
+@dataclass
+class TreeLevels:
+    """Where the levels of a tree over ``n`` features are."""
+
+    first: np.ndarray  # (levels,)
+    count: np.ndarray  # (levels,) nodes
+
+    @classmethod
+    def over(cls, n: int) -> "TreeLevels":
+        count = [max(-(-n // WIDTH), 1)]
+        while count[-1] > 1:
+            count.append(-(-count[-1] // WIDTH))
+        return cls(np.concatenate([[0], np.cumsum(count)[:-1]]).astype(np.int32), np.array(count, dtype=np.int32))
+
+    @property
+    def nodes(self) -> int:
+        return int(self.count.sum())
+
+
+def make_tree(n: int, device: str) -> tuple[Tree, TreeLevels]:
+    """A tree over n features that no feature is in yet."""
+    levels = TreeLevels.over(n)
+    tree = Tree()
+    tree.box = wp.zeros(levels.nodes * 48, dtype=wp.float32, device=device)
+    tree.most = wp.full(levels.nodes * WIDTH, -1, dtype=wp.int32, device=device)
+    tree.tag = wp.zeros(levels.nodes * WIDTH, dtype=wp.int32, device=device)
+    tree.first = wp.array(levels.first, dtype=wp.int32, device=device)
+    tree.levels = len(levels.first)
+    return tree, levels
+
+
+def deal_leaves(centre: np.ndarray, features: FeatureNumbers, levels: TreeLevels) -> tuple[np.ndarray, np.ndarray]:
+    """`most` and `tag` of a tree whose leaves follow the curve through ``centre`` (n, 3)."""
+    order = np.lexsort((np.arange(len(centre)), curve_order(centre)))
+    most = np.full(levels.nodes * WIDTH, -1, dtype=np.int32)
+    tag = np.zeros(levels.nodes * WIDTH, dtype=np.int32)
+    most[: len(order)] = order
+    shape = np.full(levels.count[0] * WIDTH, -1, dtype=np.int64)
+    shape[: len(order)] = features.shape[order]
+    moves = np.zeros(len(shape), dtype=bool)
+    moves[: len(order)] = features.moves[order]
+    largest = most[: len(shape)]
+    for first, count in zip(levels.first, levels.count, strict=True):
+        slots = slice(first * WIDTH, (first + count) * WIDTH)
+        pad = count * WIDTH - len(shape)
+        if pad:
+            shape, moves = np.append(shape, np.full(pad, -1)), np.append(moves, np.zeros(pad, dtype=bool))
+            largest = np.append(largest, np.full(pad, -1, dtype=np.int32))
+        most[slots], tag[slots] = largest, np.where(shape < -1, 0, 2 * (shape + 1)) + moves
+        low = np.where(shape == -1, np.iinfo(np.int64).max, shape).reshape(-1, WIDTH).min(axis=1)
+        high = shape.reshape(-1, WIDTH).max(axis=1)
+        shape = np.where(low == high, high, np.where(high == -1, -1, -2))  # -1: empty, -2: several
+        moves, largest = moves.reshape(-1, WIDTH).any(axis=1), largest.reshape(-1, WIDTH).max(axis=1)
+    return most, tag
+
+
+def curve_order(centre: np.ndarray) -> np.ndarray:
+    """Where each place (n, 3) lies on Hilbert's curve of 2^15 cells an axis (Skilling 2004), (n,) int64."""
+    low, size = centre.min(axis=0, initial=0.0), 1e-300
+    if len(centre):
+        low, size = centre.min(axis=0), max(float(np.ptp(centre, axis=0).max()), 1e-300)
+    x = [np.asarray((centre[:, k] - low[k]) / size * 32767.0).astype(np.int64) for k in range(3)]
+    bit = 1 << 14
+    while bit > 1:
+        mask = bit - 1
+        for k in range(3):
+            turned = (x[k] & bit) != 0
+            swap = np.where(turned, 0, (x[0] ^ x[k]) & mask)
+            x[0] = np.where(turned, x[0] ^ mask, x[0] ^ swap)
+            if k:
+                x[k] = x[k] ^ swap
+        bit >>= 1
+    x[1] ^= x[0]
+    x[2] ^= x[1]
+    turn = np.zeros_like(x[0])
+    bit = 1 << 14
+    while bit > 1:
+        turn ^= np.where((x[2] & bit) != 0, bit - 1, 0)
+        bit >>= 1
+    x = [value ^ turn for value in x]
+    code = np.zeros(len(centre), dtype=np.int64)
+    for place in range(15):
+        for k in range(3):
+            code |= ((x[k] >> place) & 1) << (3 * place + 2 - k)
+    return code
+
+
+@wp.func_native(
+    """
+    float *node = box.data + 48 * k;
+    for (int j = 0; j < 8; ++j) {
+        float lower[3] = {3e38f, 3e38f, 3e38f}, upper[3] = {-3e38f, -3e38f, -3e38f};
+        const int i = most.data[8 * k + j];
+        if (i >= 0 && leaf) {
+            for (int c = 0; c < 3; ++c) {
+                lower[c] = feature.data[6 * i + c];
+                upper[c] = feature.data[6 * i + 3 + c];
+            }
+        } else if (i >= 0) {
+            const float *below = box.data + 48 * (child + j);
+            for (int c = 0; c < 3; ++c)
+                for (int m = 0; m < 8; ++m) {
+                    const float l = below[8 * c + m], u = below[24 + 8 * c + m];
+                    lower[c] = l < lower[c] ? l : lower[c];
+                    upper[c] = u > upper[c] ? u : upper[c];
+                }
+        }
+        for (int c = 0; c < 3; ++c) {
+            node[8 * c + j] = lower[c];
+            node[24 + 8 * c + j] = upper[c];
+        }
+    }
+"""
+)
+def _node_box(box: F32, most: I32, feature: F32, k: int, child: int, leaf: int): ...
+
+
+@wp.kernel
+def refit(begin: int, tree: Tree, features: Features, level: int):
+    """Boxes of the children of the nodes of a level."""
+    k = begin + wp.tid()
+    below = 0
+    if level > 0:
+        below = tree.first[level - 1] + 8 * k
+    _node_box(tree.box, tree.most, features.box, tree.first[level] + k, below, wp.where(level == 0, 1, 0))
+
+
+@wp.func_native(
+    search_source("""
+        int stack[96], depth = 0;
+        stack[depth++] = levels - 1;
+        stack[depth++] = 0;
+#if !defined(__CUDA_ARCH__)
+        typedef float floats __attribute__((ext_vector_type(8)));
+        typedef int ints __attribute__((ext_vector_type(8)));
+#endif
+        while (depth > 0) {
+            const int k = stack[--depth], level = stack[--depth];
+            const int node = level_first.data[level] + k;
+            const float *f = node_box.data + 48 * node;
+            unsigned near = 0;
+#if defined(__CUDA_ARCH__)
+            for (int j = 0; j < 8; ++j)
+                near |= (unsigned)(f[j] <= box[3] && f[8 + j] <= box[4] && f[16 + j] <= box[5] && f[24 + j] >= box[0]
+                                   && f[32 + j] >= box[1] && f[40 + j] >= box[2]) << j;
+#else
+            floats l[6];
+            memcpy(l, f, 192);
+            const ints hit = (l[0] <= (floats)box[3]) & (l[1] <= (floats)box[4]) & (l[2] <= (floats)box[5])
+                           & (l[3] >= (floats)box[0]) & (l[4] >= (floats)box[1]) & (l[5] >= (floats)box[2]);
+            const ints bits = {1, 2, 4, 8, 16, 32, 64, 128};
+            near = (unsigned)__builtin_reduce_or(hit & bits);
+#endif
+            for (; near; near &= near - 1u) {
+                int j = 0;
+                while (!((near >> j) & 1u)) ++j;
+                const int slot = 8 * node + j, top = node_most.data[slot], tag = node_tag.data[slot];
+                if (top < 0 || (ordered && top <= a) || (still && !(tag & 1))) continue;
+                if (tag >= 2 && !allowed[(tag >> 1) - 1]) continue;
+                if (level == 0) {
+                    take(top);
+                } else {
+                    stack[depth++] = level - 1;
+                    stack[depth++] = 8 * k + j;
+                }
+            }
+        }
+""")
+)
+def _search(
+    q_corners: I32, q_sides: int, q_shape: I32, q_moves: U8, q_box: F32,
+    t_corners: I32, t_sides: int, t_shape: I32, t_moves: U8,
+    node_box: F32, node_most: I32, node_tag: I32, level_first: I32, levels: int,
+    collides: U8, shapes: int, ordered: int,
+    first: int, end: int, found: I32, place: int, room: int, count: I32, write_count: int,
+) -> int: ...  # fmt: skip
+
+
+@wp.func
+def _chunk(
+    q: Features,
+    t: Features,
+    tree: Tree,
+    f: Filter,
+    n: int,
+    size: int,
+    found: I32,
+    place: int,
+    room: int,
+    count: I32,
+    w: int,
+):
+    """Search for the partners of the queries of chunk n."""
+    first = n * size
+    end = wp.min(first + size, q.count)
+    return _search(q.corners, q.sides, q.shape, q.moves, q.box, t.corners, t.sides, t.shape, t.moves,
+                   tree.box, tree.most, tree.tag, tree.first, tree.levels,
+                   f.collides, f.shapes, f.ordered, first, end, found, place, room, count, w)  # fmt: skip
+
+
+@wp.kernel
+def find_bvh(begin: int, queries: Features, targets: Features, tree: Tree, wanted: Filter, lists: Lists):
+    """Partners of the queries of a chunk."""
+    c = int((wp.int64(begin + wp.tid()) * wp.int64(lists.stride)) % wp.int64(lists.chunks))
+    lists.total[c] = _chunk(
+        queries, targets, tree, wanted, c, lists.chunk, lists.found, c * lists.room, lists.room, lists.count, 1
+    )
+
+
+@wp.kernel
+def fill_bvh(
+    begin: int, queries: Features, targets: Features, tree: Tree, wanted: Filter, lists: Lists, offset: I32, a_out: I32,
+    b_out: I32,
+):  # fmt: skip
+    """The partners of a chunk into their place."""
+    c = begin + wp.tid()
+    again = copy_chunk(
+        lists.found, lists.count, lists.total, offset, c, lists.chunk, lists.room, queries.count, a_out, b_out
+    )
+    if again >= 0:
+        _chunk(queries, targets, tree, wanted, c, lists.chunk, b_out, again, lists.total[c], lists.count, 0)
