@@ -49,7 +49,8 @@ class TiedPoints:
     point: wp.array(dtype=wp.int32)  # (n,) number among the points of the state
     mass: wp.array(dtype=wp.float64)  # (n,)
     x_free: wp.array(dtype=wp.vec3d)  # (n,) at the end of the step without the impulses of constraints
-    push: wp.array(dtype=wp.vec3d)  # (n,) impulse [N s]
+    push: wp.array(dtype=wp.vec3d)  # (n,) impulse of each half of the step [N s]
+    blow: wp.array(dtype=wp.vec3d)  # (n,) impulse at its start alone, near singular poses [N s]
     x: wp.array(dtype=wp.vec3d)  # (points of the state,) at the end of the step
     v: wp.array(dtype=wp.vec3d)
     memory: wp.array(dtype=wp.vec3d)  # the velocity that the scheme remembers, where it does

@@ -44,10 +44,8 @@ def push_at_start(
                     if body < 0:
                         t = parts.tie_point[e]
                         j = points.point[t]
-                        dv = line * (w / points.mass[t])
-                        points.x[j] = points.x[j] + dv * h
-                        points.v[j] = points.v[j] + dv
-                        points.memory[j] = points.memory[j] + dv
+                        points.blow[t] = points.blow[t] + line * w
+                        points.x[j] = points.x[j] + line * (w * h / points.mass[t])
                     elif parts.tie_place[e] >= 0:
                         arm = bodies.x1[body] + wp.quat_rotate(bodies.q1[body], parts.tie_local[e]) - bodies.x0[body]
                         bodies.v1[body] = bodies.v1[body] + line * (w * bodies.inverse_mass[body])

@@ -45,7 +45,7 @@ from turnbuckle.integrators.rigid_rows import (
 from turnbuckle.linalg.block_ldl import RANK, BlockMatrix
 from turnbuckle.math.index import known
 from turnbuckle.math.rotation import rotation_log, turned_inertia
-from turnbuckle.math.types import real
+from turnbuckle.math.types import real, vec3
 from turnbuckle.solvers.equality import acts, clear_right_side, rate_of, solve_island
 
 wp.set_module_options({"enable_backward": False})
@@ -121,6 +121,8 @@ def close_positions(
         kick(islands, bodies, params, known(islands.body[known(i)]))
     first = islands.part_start[island]
     last = islands.part_start[island + 1]
+    for i in range(islands.point_start[island], islands.point_start[island + 1]):
+        points.blow[known(islands.point[known(i)])] = vec3()
     warm = islands.warm[0]
     start_rows(islands, parts, rows, bodies, points, island, h, restart)
     middle = 2 * (1 - islands.paper)
@@ -257,14 +259,3 @@ def close_positions(
         if islands.paper == 0:
             bodies.w1[b] = turned_inertia(bodies.q1[b], bodies.inverse_inertia[b], bodies.momentum[b])
     islands.angle[island] = angle
-    # Tied points take the impulses of both halves now. Their velocities are those of the end of the step, by the forces of its
-    # start: where the scheme's v lags by a step (Verlet: v* = w + h/2 a, w* = w + h a), w* + h/2 a = 2 w* - v*. Rigid bodies, which
-    # they move with, do not lag. (All other points keep the scheme's v: explicit damping is most stable with it.)
-    for i in range(islands.point_start[island], islands.point_start[island + 1]):
-        k = known(islands.point[known(i)])
-        j = points.point[k]
-        dv = points.push[k] * (real(2 - islands.paper) / points.mass[k])
-        if points.lags == 1:
-            points.v[j] = points.memory[j] * real(2.0) - points.v[j]
-        points.v[j] = points.v[j] + dv
-        points.memory[j] = points.memory[j] + dv

@@ -3,8 +3,9 @@
     [ M  J^T ] [ dv ]   [ 0 ]
     [ J  -C  ] [  y ] = [ -g ],      y = -(impulse),
 
-M: masses and world inertias, J: the rows with their directions frozen, C: the flexibility of soft rows. A row that does not
-act (a limit that is not reached) has a zero Jacobian and the pivot -1. `turnbuckle.linalg.elimination` orders the blocks;
+M: masses and world inertias, with the geometric stiffness of the flight where the caller adds it; J: the rows with the directions
+that the caller has put into the table (`line`, `t_a`, `t_b`: of the start, the middle or the end of the step); C: the
+flexibility of soft rows. A row that does not act (a limit that is not reached) has a zero Jacobian and the pivot -1. `turnbuckle.linalg.elimination` orders the blocks;
 rows that repeat others are found by their pivots and dropped.
 """
 

@@ -13,7 +13,7 @@ from turnbuckle.data.tables import TIED
 from turnbuckle.geometry.quaternions import conjugate, cross, rotate
 from turnbuckle.integrators import SCHEMES
 from turnbuckle.integrators.rigid_flight import close_positions
-from turnbuckle.integrators.rigid_points import place_points, remember_points
+from turnbuckle.integrators.rigid_points import place_points, push_points, remember_points
 from turnbuckle.integrators.rigid_projection import project_velocities
 from turnbuckle.scene.build_rigid_bodies import inertial_pose
 from turnbuckle.step.articulated_system import System, pack_active, unpack_active
@@ -184,9 +184,7 @@ class Articulated:
 
     def lost_joints(self) -> str:
         """What came apart in the step that was lost, the worst first."""
-        score = np.nan_to_num(self.certificate.read()[:2].max(axis=0), nan=np.inf)
-        if self.search.parts and np.isfinite(score).all():
-            score = np.nan_to_num(self._measured(self.ahead)[:2].max(axis=0), nan=np.inf)
+        score = np.nan_to_num(self._measured(self.ahead)[:2].max(axis=0), nan=np.inf)
         names = {int(p): j.name for j in self.state.joints.values() if j.acting for p in j.parts}
         worst = [names[int(p)] for p in np.argsort(-score, kind="stable") if score[p] > LOST and int(p) in names]
         return ", ".join(f"'{name}'" for name in list(dict.fromkeys(worst))[:3]) or "ties of rigid bodies"
@@ -208,11 +206,14 @@ class Articulated:
         p.launch(close_positions, s.island_count, [*given, 1], GRAIN)
         p.barrier()
         ahead, now = self.ahead, self.state.rigid
+        if self.search.parts and self.displacement is None:
+            p.host(lambda: self.search.settle(given, ahead))
+        if len(s.tied):  # once, however often the flight was closed
+            p.launch(push_points, len(s.tied), [tied, self._halves])
+            p.barrier()
         if self.displacement is not None:
             stage = self.displacement
             p.host(lambda: stage.correct(now, ahead, x, v, memory, float(host(params)[H])))
-        elif self.search.parts:
-            p.host(lambda: self.search.settle(given, ahead))
         self._record_points(p, bodies, x, v)
 
     def record_velocities(self, p: Program, params: wp.array, x: wp.array, v: wp.array, memory: wp.array) -> None:
@@ -302,7 +303,10 @@ class Articulated:
         values = self.certificate.read()
         if self.search.parts:
             here = self.search.numbers
-            values[0, here] = np.maximum(values[0, here], self.search.residuals(at))
+            if np.isfinite(at.x.numpy()).all():
+                values[0, here], values[2, here] = self.search.residuals(at), self.search.rates(at)
+            else:
+                values[:, here] = np.inf
         return values
 
     def _name_worst(self, report: StepReport, values: np.ndarray, allowed: float) -> None:

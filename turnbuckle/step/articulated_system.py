@@ -64,7 +64,9 @@ class System:
         }
         n = max(len(tied), 1)
         self.tied_index = self._put(tied if len(tied) else np.zeros(1), wp.int32)
-        self.x_free, self.tied_push = (wp.zeros(n, dtype=wp.vec3d, device=self.device) for _ in range(2))
+        self.x_free, self.tied_push, self.tied_blow = (
+            wp.zeros(n, dtype=wp.vec3d, device=self.device) for _ in range(3)
+        )
         self.slaves = self._make_slaves(model)
         touched = outside_contact(model, state, self)
         inside = ~touched[self.island_of[: len(dynamic)]] & (bodies.damping[dynamic] == 0.0).all(axis=1)
@@ -234,6 +236,7 @@ class System:
         """The struct for mass points at ``x``, ``v``; ``lags``: v lags by a step, ``memory`` is Verlet's w."""
         t = TiedPoints()
         t.point, t.mass, t.x_free, t.push = self.tied_index, self.points_mass, self.x_free, self.tied_push
+        t.blow = self.tied_blow
         t.x, t.v, t.memory, t.lags = x, v, memory, int(lags)
         return t
 

@@ -1,7 +1,8 @@
 """Looking up curves, surfaces and user domains: where the nearest permissible point is, and what is held there (4.1.3).
 
 The solver closes ``n.(P - P') = 0`` for given P' and n; looking again from where it has put P, and closing again, converges
-like Newton's method. Forces keep pointing where they did at the start of the step, as everywhere in `integrators/rigid_flight.py`.
+like Newton's method. As for all rows, impulses of the flight act along the mean of the held directions at both ends of the step
+(`integrators/rigid_flight.py`), those of the velocity stage along the directions at its end.
 """
 
 import numpy as np
@@ -59,6 +60,21 @@ class DomainSearch:
             for i, k in enumerate(self.numbers)
         ]
         return np.linalg.norm(p - np.array(near), axis=1)
+
+    def rates(self, at: RigidState) -> np.ndarray:
+        """Speeds of the points along what a fresh look holds of them, where limits are held out of the domain only (k,) [m/s]."""
+        parts, k = self.state.parts, self.numbers
+        x, q, v, w = (getattr(at, name).numpy() for name in "xqvw")
+        a, b = parts.a[k], parts.b[k]
+        arm = rotate(q[a], parts.p_a[k])
+        drift = v[a] + np.cross(w[a], arm) - v[b] - np.cross(w[b], x[a] + arm - x[b])
+        drift = rotate(conjugate(multiply(q[b], parts.q_b[k])), drift)
+        out = np.zeros(len(k))
+        for i, held in enumerate(self._held(self._local(at))):
+            along = (held.directions[0] @ drift[i])[: held.count[0]]
+            limit = held.one_sided[0, : held.count[0]]
+            out[i] = np.linalg.norm(np.where(limit, np.minimum(along, 0.0), along))
+        return out
 
     def begin(self, now: RigidState) -> None:
         """Look from the start of the step."""

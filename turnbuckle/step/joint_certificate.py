@@ -1,4 +1,7 @@
-"""What joints miss by, measured on the committed state with formulas of its own: distances to domains, angles from axes."""
+"""What joints miss by, measured on the committed state with formulas of its own: distances to domains, angles from axes.
+
+Curves, surfaces and domains of the user are looked up on the host: `turnbuckle.step.domain_search` measures those.
+"""
 
 import numpy as np
 import warp as wp

@@ -1,7 +1,7 @@
 """Point on a curve, on a surface, or in a domain of the user (Displacement, 4.1.3).
 
 The host finds the nearest permissible point P_b' and the directions n held there (in b's frame), and looks again until P_a
-is in the domain (`turnbuckle.step.domains`); between two looks the rows are ``n.(P_a - P_b') = 0``.
+is in the domain (`turnbuckle.step.domain_search`); between two looks the rows are ``n.(P_a - P_b') = 0``.
 """
 
 import warp as wp
