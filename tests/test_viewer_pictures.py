@@ -250,3 +250,22 @@ def test_killed_film_shows_what_was_flushed(tmp_path, suffix):
         frames = imageio_ffmpeg.read_frames(str(path))
         next(frames)
         assert len(list(frames)) >= 10
+
+
+def test_a_single_picture_shows_what_has_moved_away(tmp_path):
+    """The camera of the last frame alone is not held back by where the scene began, nor by frames flushed between."""
+    shapes, x = _scene()
+    target = tmp_path / "last.png"
+    with open_picture(target, shapes, up_axis="Z", frames_per_second=30, size=SIZE, title=False, engine="pillow") as out:
+        for k in range(3):
+            out.write(0.1 * k, x + [20.0 * k, 0, 0], np.zeros_like(x))
+            out.flush()
+    far = np.asarray(Image.open(target).convert("RGB"))
+    assert np.array_equal(far, Renderer(shapes, "Z", SIZE, engine="pillow").frame(x + [40.0, 0, 0]))
+    assert _where(far, 0)[1] > 500 and _where(far, 2)[1] > 500
+
+
+def test_bodies_stand_on_their_shadows():
+    _, x = _scene()
+    camera = Framing("Z", SIZE, None).follow(x)
+    assert camera.low[2] == x[:, 2].min() and camera.low[0] < x[:, 0].min() and camera.high[2] > x[:, 2].max()

@@ -84,7 +84,8 @@ def _middle(sideways: np.ndarray, depth: np.ndarray) -> float:
 class Framing:
     """A camera for motion not known ahead: it opens gently as bodies move on, and never closes in again.
 
-    The first frame is given room around it, since a scene at rest is about to move.
+    The first frame is given room around it, since a scene at rest is about to move; none below, where the ground is: what
+    stands there shall not float above its shadow.
     """
 
     def __init__(self, up_axis: str, size: tuple[int, int], bounds: tuple[np.ndarray, np.ndarray] | None) -> None:
@@ -100,7 +101,8 @@ class Framing:
             box = np.stack([points.min(axis=0), points.max(axis=0)])
             if self._seen is None or self._shown is None:
                 room = 0.06 * np.linalg.norm(box[1] - box[0])
-                self._seen = self._shown = box + np.array([[-room], [room]])
+                below = room * (1.0 - upwards(self._up_axis))
+                self._seen = self._shown = box + np.stack([-below, np.full(3, room)])
             else:
                 self._seen = np.stack([np.minimum(self._seen[0], box[0]), np.maximum(self._seen[1], box[1])])
                 self._shown = self._shown + 0.2 * (self._seen - self._shown)

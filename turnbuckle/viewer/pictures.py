@@ -71,7 +71,7 @@ class PictureRecorder:
             return
         time, x = self._waiting
         self._waiting = None
-        picture = self.renderer.frame(x, title=f"{time:.3f} s" if self._title else None)
+        picture = self.renderer.frame(x, title=f"{time:.3f} s" if self._title else None, alone=self._only_last)
         self._guard(lambda: self._film.add(picture))
 
     def _guard(self, action: Any) -> None:

@@ -44,6 +44,7 @@ class Renderer:
         self.note: str | None = None  # what is missing for the better engine
         self._shapes, self._up_axis = shapes, up_axis
         self._geometry: SceneGeometry | None = None  # made of the first frame
+        self._bounds = bounds
         self._framing = Framing(up_axis, self.size, bounds)
         self._polyscope: ModuleType | None = None
         self._view: headless.HeadlessView | None = None
@@ -61,14 +62,18 @@ class Renderer:
         """What draws: "polyscope" or "pillow"."""
         return "pillow" if self._polyscope is None else "polyscope"
 
-    def frame(self, x: np.ndarray, title: str | None = None) -> np.ndarray:
-        """The picture (height, width, 3) uint8 of the positions ``x`` [m] of all points of the state, (points, 3)."""
+    def frame(self, x: np.ndarray, title: str | None = None, *, alone: bool = False) -> np.ndarray:
+        """The picture (height, width, 3) uint8 of the positions ``x`` [m] of all points of the state, (points, 3).
+
+        ``alone``: a picture by itself, not one of a film: the camera shows what there is now, wherever it was before.
+        """
         x = np.asarray(x, dtype=np.float64)
         if self._geometry is None:
             self._geometry = SceneGeometry(self._shapes, x, self._up_axis)
             if self._polyscope is not None:
                 self._view = headless.HeadlessView(self._polyscope, self._geometry, self._up_axis)
-        camera = self._framing.follow(self._geometry.everything(x))
+        framing = Framing(self._up_axis, self.size, self._bounds) if alone else self._framing
+        camera = framing.follow(self._geometry.everything(x))
         behind = backdrop(self._geometry, x, camera, self.size)
         if self._view is not None:
             picture = self._view.draw(x, camera, behind)
