@@ -9,13 +9,14 @@ import numpy as np
 import warp as wp
 
 from turnbuckle.contact.ccd_additive import HIT, NOT_FINITE, walk_queries
+from turnbuckle.contact.ccd_cubic import cubic_queries
 from turnbuckle.contact.ccd_threads import launch_over_threads, on_device
 from turnbuckle.data.contact import EDGE_EDGE, VERTEX_FACE
 from turnbuckle.data.errors import InputError
 
 KINDS = {"vertex_face": VERTEX_FACE, "edge_edge": EDGE_EDGE}
 METHODS = ("additive", "cubic")
-TIGHTNESS = 0.1
+TIGHTNESS = 0.01
 LIMIT = 256  # intervals of the walk
 
 
@@ -55,19 +56,17 @@ def time_of_impact(
     n = len(queries)
     kinds = _kinds(kind, n)
     separation = _separations(min_separation, n)
-    status, time, gap = np.empty(n, np.uint8), np.empty(n), np.empty(n)
-    inputs = [
-        on_device(queries, wp.float64, device),
-        on_device(kinds, wp.int32, device),
-        int(len(kinds) > 1),
-        on_device(separation, wp.float64, device),
-        int(len(separation) > 1),
-        tightness,
-        max_iterations,
-    ]
-    outputs = [wp.empty(n, dtype=t, device=device) for t in (wp.uint8, wp.float64, wp.float64)]
-    launch_over_threads(walk_queries, n, [*inputs, *outputs], device, threads)
-    status, time, gap = (out.numpy() for out in outputs)
+    if method == "cubic" and separation.any():
+        raise InputError("time_of_impact: the cubic test knows no min_separation; leave it 0 or take method='additive'")
+    given = [on_device(queries, wp.float64, device), on_device(kinds, wp.int32, device), int(len(kinds) > 1)]
+    state = wp.empty(n, dtype=wp.uint8, device=device)
+    when, gap = (wp.empty(n, dtype=wp.float64, device=device) for _ in range(2))
+    if method == "cubic":
+        launch_over_threads(cubic_queries, n, [*given, state, when], device, threads)
+    else:
+        asked = [on_device(separation, wp.float64, device), int(len(separation) > 1), tightness, max_iterations]
+        launch_over_threads(walk_queries, n, [*given, *asked, state, when, gap], device, threads)
+    status, time = state.numpy(), when.numpy()
     if (status == NOT_FINITE).any():
         bad = int(np.argmax(status == NOT_FINITE))
         raise InputError(f"time_of_impact: query {bad} has a coordinate that is not finite or beyond 1e150 m")

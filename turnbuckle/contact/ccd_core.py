@@ -23,8 +23,8 @@ themselves does not matter, only that of the pair: R, the longest of the six r_k
 Together 26 u R; E = 32 u R is added to the separation xi, and taken off the gaps that are returned.
 Very small and very large pairs are scaled by powers of two before anything is squared.
 
-Result. With G = gap at the start - xi - E, the walk ends with a hit where the gap has come down to xi + E + 0.1 G
-(`tightness`), or at the last time reached when the iterations run out; a hit at time 0 when G <= 0 (touching, or nearer
+Result. With G = gap at the start - xi - E, the walk ends with a hit where the gap has come down to xi + E + s G
+(s is `tightness`), or at the last time reached when the iterations run out; a hit at time 0 when G <= 0 (touching, or nearer
 than xi, at the start). A pair that never comes nearer than that is clear. The time is never later than the true one.
 """
 
@@ -182,8 +182,8 @@ WALK = (
             for (int c = 0; c < 3; ++c) d[k][c] = e[k][c] - r[k][c];
         }
         const double margin = 0x1p-48 * sqrt(size);  // 32 u R
-        const double floor = xi + margin;
-        double target = floor, stop = floor, walked = 0.0;
+        const double least = xi + margin;
+        double target = least, stop = least, walked = 0.0;
         double y[3][3];  // r_k now
         double f0[4], f1[4];  // terms of f at the start and at the end
         const int terms = kind ? 4 : 3;
@@ -205,12 +205,12 @@ WALK = (
             } else {
                 for (int k = 0; k < 3; ++k) { f0[k] = -q0[k]; f1[k] = -q1[k]; }
             }
-            double least = 1e300;
+            double value = 1e300;
             for (int k = 0; k < terms; ++k) {
                 const double f = f0[k] + walked * (f1[k] - f0[k]);
-                least = least < f ? least : f;
+                value = value < f ? value : f;
             }
-            return least;
+            return value;
         };
         BEST
         gap = 1e300;
@@ -222,20 +222,23 @@ WALK = (
             double length, wa, wb;  // of the vector between the closest points, and their weights
             CLOSEST
             double now = along(n[0], n[1], n[2]);
-            if (now < 0.5 * length || now <= floor) now = best_direction(y, n, now);
+            if (now < 0.5 * length || now <= least) now = best_direction(y, n, now);
             if (iteration == 0) {
-                if (!(now > floor)) { gap = now - margin; break; }
-                target = floor + 0.5 * tightness * (now - floor);
-                stop = floor + tightness * (now - floor);
+                if (!(now > least)) { gap = now - margin; break; }
+                target = least + 0.5 * tightness * (now - least);
+                stop = least + tightness * (now - least);
             }
             if (!(now > stop)) break;
+            // an interval ends where a quarter of the gap is left, so the gap that is certified is worth something
+            const double quarter = least + 0.25 * (now - least);
+            const double aim = quarter > target ? quarter : target;
             double low = 0.0, high = 2.0;
             for (int k = 0; k < terms; ++k) {
-                if (f1[k] < target) {
-                    const double reach = f0[k] > target ? (f0[k] - target) / (f0[k] - f1[k]) : -1.0;
+                if (f1[k] < aim) {
+                    const double reach = f0[k] > aim ? (f0[k] - aim) / (f0[k] - f1[k]) : -1.0;
                     high = high < reach ? high : reach;
-                } else if (f0[k] < target) {
-                    const double from = (target - f0[k]) / (f1[k] - f0[k]);
+                } else if (f0[k] < aim) {
+                    const double from = (aim - f0[k]) / (f1[k] - f0[k]);
                     low = low > from ? low : from;
                 }
             }
