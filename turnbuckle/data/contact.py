@@ -84,7 +84,7 @@ class ContactProblem:
 
     Unknown v (3 n,): n blocks of three, of points, and two in a row (velocity, angular velocity) of rigid bodies.
 
-        A (v - v*) = J^T r + E^T l,    E v = wanted,
+        A (v - v*) = load + J^T r + E^T l,    E v = wanted,
         normal part of r >= 0  complementary to  J_n v >= floor,    tangential part of r in the friction cone.
     """
 
@@ -98,6 +98,7 @@ class ContactProblem:
     pairs: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32))  # first blocks of rigid bodies
     groups: np.ndarray | None = None  # (n,) int32, the body that each block belongs to; A has no entries between bodies
     fixed: np.ndarray | None = None  # (n,) bool, blocks that keep v* whatever happens
+    load: np.ndarray | None = None  # (3 n,) [N s], zero when left out; where given, v* need not be free motion
 
     @property
     def count(self) -> int:

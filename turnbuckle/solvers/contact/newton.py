@@ -6,7 +6,7 @@ With u = J v, De Saxce's shift ``mu |u_t|`` makes Coulomb's law a projection on 
 
 For given multipliers l and shifts, v minimises the convex function
 
-    (v - v*) . A (v - v*) / 2  +  sum |r(v)|^2 / (2 rho),        gradient g = A (v - v*) - J^T r,
+    (v - v*) . A (v - v*) / 2 - v . load  +  sum |r(v)|^2 / (2 rho),    g = A (v - v*) - load - J^T r,
 
 by Newton's method with the matrix ``A + J^T D J``, D = rho dP_K/ds (symmetric, semi-definite), to a part of what the
 multipliers still miss; then l <- r(v), shift <- mu |u_t|, until nothing moves any more: then (6), (7) hold. rho is a
@@ -198,7 +198,7 @@ class NewtonSolver:
         matrix = [b.starts, b.others, b.a]
         transposed = [b.t_offsets, b.t_entries, b.t_contacts, b.j]
         forces = (k.contact_forces, [*contact, b.v, b.floor, b.mu, b.rho, b.shift, b.multiplier, b.r, b.d, b.errors], t)
-        slope = (k.gradient, [t, s, *matrix, *transposed, b.fixed, b.v, b.free, b.r, b.d, b.local, b.partner, b.g,
+        slope = (k.gradient, [t, s, *matrix, *transposed, b.fixed, b.v, b.free, b.load, b.r, b.d, b.local, b.partner, b.g,
                               b.diagonal, b.coupled, b.errors], t)  # fmt: skip
         invert = (k.invert_blocks, [t, s, b.partner, b.diagonal, b.coupled, b.m, b.n], t)
         apply = (k.apply_blocks, [t, s, b.partner, b.fixed, b.m, b.n, b.residual, b.z], t)
@@ -229,7 +229,7 @@ class NewtonSolver:
             **{
                 f"merit_{at}": program(
                     (k.merit, [*contact, getattr(b, at), b.floor, b.mu, b.rho, b.shift, b.multiplier, b.contact_sums], t),
-                    (k.inertia_merit, [t, s, *matrix, getattr(b, at), b.free, b.sums], t),
+                    (k.inertia_merit, [t, s, *matrix, getattr(b, at), b.free, b.load, b.sums], t),
                 )
                 for at in ("v", "trial")
             },

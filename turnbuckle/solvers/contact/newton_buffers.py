@@ -50,6 +50,7 @@ class Buffers:
         self._put("partner", partner, wp.int32)
         self._put("fixed", fixed, wp.uint8)
         self._put("free", problem.free.reshape(-1, 3), wp.vec3d)
+        self._put("load", (np.zeros((n, 3)) if problem.load is None else problem.load.reshape(-1, 3)), wp.vec3d)
         self._put("floor", problem.floor, real)
         self._put("mu", problem.friction, real)
         for name in ("v", "trial", "g", "residual", "z", "p", "q", "dv"):

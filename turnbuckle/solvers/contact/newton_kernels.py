@@ -119,15 +119,15 @@ def update_multipliers(begin: int, tiles: int, sizes: wp.array(dtype=int), offse
 def gradient(begin: int, tiles: int, sizes: wp.array(dtype=int), starts: wp.array(dtype=int), others: wp.array(dtype=int),
              a: wp.array(dtype=wp.mat33d), t_offsets: wp.array(dtype=int), t_entries: wp.array(dtype=int),
              t_contacts: wp.array(dtype=int), j: wp.array(dtype=wp.mat33d), fixed: wp.array(dtype=wp.uint8),
-             v: wp.array(dtype=wp.vec3d), free: wp.array(dtype=wp.vec3d), r: wp.array(dtype=wp.vec3d),
-             d: wp.array(dtype=wp.mat33d), local: wp.array(dtype=wp.mat33d), partner: wp.array(dtype=int),
+             v: wp.array(dtype=wp.vec3d), free: wp.array(dtype=wp.vec3d), load: wp.array(dtype=wp.vec3d),
+             r: wp.array(dtype=wp.vec3d), d: wp.array(dtype=wp.mat33d), local: wp.array(dtype=wp.mat33d), partner: wp.array(dtype=int),
              g_out: wp.array(dtype=wp.vec3d), diagonal_out: wp.array(dtype=wp.mat33d),
              coupled_out: wp.array(dtype=wp.mat33d), errors_out: wp.array2d(dtype=real)):  # fmt: skip
-    """g = A (v - v*) - J^T r, and the blocks of A + J^T D J: on the diagonal, and to the other half of a rigid body."""
+    """g = A (v - v*) - load - J^T r, and the blocks of A + J^T D J: on the diagonal, and to the other half of a rigid body."""
     tile = begin + wp.tid()
     worst = real(0.0)
     for i in range(place(tile, tiles, sizes[BLOCKS]), place(tile + 1, tiles, sizes[BLOCKS])):
-        g = wp.vec3d()
+        g = -load[i]
         h = wp.mat33d()
         off = wp.mat33d()
         p = partner[i]
@@ -259,6 +259,80 @@ def direct(begin: int, tiles: int, sizes: wp.array(dtype=int), scalars: wp.array
             p[i] = z[i] + beta * p[i]
 
 
+@wp.func_native(
+    """
+    const double* jj = (const double*)j.data;
+    const double* dd = (const double*)d.data;
+    const double* pp = (const double*)p.data;
+    double* yy = (double*)y_out.data;
+    const int* o = offsets.data;
+    const int* col = columns.data;
+    for (int c = first; c < last; ++c) {
+        double u0 = 0.0, u1 = 0.0, u2 = 0.0;
+        for (int e = o[c]; e < o[c + 1]; ++e) {
+            const double* b = jj + 9 * (size_t)e;
+            const double* x = pp + 3 * (size_t)col[e];
+            u0 += b[0] * x[0] + b[1] * x[1] + b[2] * x[2];
+            u1 += b[3] * x[0] + b[4] * x[1] + b[5] * x[2];
+            u2 += b[6] * x[0] + b[7] * x[1] + b[8] * x[2];
+        }
+        const double* m = dd + 9 * (size_t)c;
+        yy[3 * (size_t)c] = m[0] * u0 + m[1] * u1 + m[2] * u2;
+        yy[3 * (size_t)c + 1] = m[3] * u0 + m[4] * u1 + m[5] * u2;
+        yy[3 * (size_t)c + 2] = m[6] * u0 + m[7] * u1 + m[8] * u2;
+    }
+"""
+)
+def contact_product_of(first: int, last: int, offsets: wp.array(dtype=int), columns: wp.array(dtype=int),
+                       j: wp.array(dtype=wp.mat33d), d: wp.array(dtype=wp.mat33d), p: wp.array(dtype=wp.vec3d),
+                       y_out: wp.array(dtype=wp.vec3d)): ...  # fmt: skip
+
+
+@wp.func_native(
+    """
+    const double* aa = (const double*)a.data;
+    const double* jj = (const double*)j.data;
+    const double* pp = (const double*)p.data;
+    const double* yy = (const double*)y.data;
+    double* qq = (double*)q_out.data;
+    const int* st = starts.data;
+    const int* col = others.data;
+    const int* to = t_offsets.data;
+    const int* te = t_entries.data;
+    const int* tc = t_contacts.data;
+    double total = 0.0;
+    for (int i = first; i < last; ++i) {
+        double q0 = 0.0, q1 = 0.0, q2 = 0.0;
+        if (!fixed.data[i]) {
+            for (int e = st[i]; e < st[i + 1]; ++e) {
+                const double* b = aa + 9 * (size_t)e;
+                const double* x = pp + 3 * (size_t)col[e];
+                q0 += b[0] * x[0] + b[1] * x[1] + b[2] * x[2];
+                q1 += b[3] * x[0] + b[4] * x[1] + b[5] * x[2];
+                q2 += b[6] * x[0] + b[7] * x[1] + b[8] * x[2];
+            }
+            for (int k = to[i]; k < to[i + 1]; ++k) {
+                const double* b = jj + 9 * (size_t)te[k];
+                const double* x = yy + 3 * (size_t)tc[k];
+                q0 += b[0] * x[0] + b[3] * x[1] + b[6] * x[2];
+                q1 += b[1] * x[0] + b[4] * x[1] + b[7] * x[2];
+                q2 += b[2] * x[0] + b[5] * x[1] + b[8] * x[2];
+            }
+        }
+        double* q = qq + 3 * (size_t)i;
+        const double* x = pp + 3 * (size_t)i;
+        q[0] = q0; q[1] = q1; q[2] = q2;
+        total += x[0] * q0 + x[1] * q1 + x[2] * q2;
+    }
+    return total;
+"""
+)
+def product_of(first: int, last: int, starts: wp.array(dtype=int), others: wp.array(dtype=int),
+               a: wp.array(dtype=wp.mat33d), t_offsets: wp.array(dtype=int), t_entries: wp.array(dtype=int),
+               t_contacts: wp.array(dtype=int), j: wp.array(dtype=wp.mat33d), fixed: wp.array(dtype=wp.uint8),
+               y: wp.array(dtype=wp.vec3d), p: wp.array(dtype=wp.vec3d), q_out: wp.array(dtype=wp.vec3d)) -> wp.float64: ...  # fmt: skip
+
+
 @wp.kernel
 def contact_product(begin: int, tiles: int, sizes: wp.array(dtype=int), scalars: wp.array(dtype=real),
                     offsets: wp.array(dtype=int), columns: wp.array(dtype=int), j: wp.array(dtype=wp.mat33d),
@@ -266,8 +340,8 @@ def contact_product(begin: int, tiles: int, sizes: wp.array(dtype=int), scalars:
     """y = D J p."""
     tile = begin + wp.tid()
     if scalars[DONE] == real(0.0):
-        for c in range(place(tile, tiles, sizes[CONTACTS]), place(tile + 1, tiles, sizes[CONTACTS])):
-            y_out[c] = d[c] * relative(c, offsets, columns, j, p)
+        count = sizes[CONTACTS]
+        contact_product_of(place(tile, tiles, count), place(tile + 1, tiles, count), offsets, columns, j, d, p, y_out)
 
 
 @wp.kernel
@@ -279,17 +353,11 @@ def product(begin: int, tiles: int, sizes: wp.array(dtype=int), scalars: wp.arra
     """q = A p + J^T y, and p . q by tiles."""
     tile = begin + wp.tid()
     if scalars[DONE] == real(0.0):
-        total = real(0.0)
-        for i in range(place(tile, tiles, sizes[BLOCKS]), place(tile + 1, tiles, sizes[BLOCKS])):
-            q = wp.vec3d()
-            if fixed[i] == wp.uint8(0):
-                for e in range(starts[i], starts[i + 1]):
-                    q += a[e] * p[others[e]]
-                for k in range(t_offsets[i], t_offsets[i + 1]):
-                    q += wp.transpose(j[t_entries[k]]) * y[t_contacts[k]]
-            q_out[i] = q
-            total += wp.dot(p[i], q)
-        sums_out[tile] = total
+        count = sizes[BLOCKS]
+        sums_out[tile] = product_of(
+            place(tile, tiles, count), place(tile + 1, tiles, count), starts, others, a, t_offsets, t_entries,
+            t_contacts, j, fixed, y, p, q_out,
+        )  # fmt: skip
 
 
 @wp.kernel
@@ -352,15 +420,15 @@ def merit(begin: int, tiles: int, sizes: wp.array(dtype=int), offsets: wp.array(
 @wp.kernel
 def inertia_merit(begin: int, tiles: int, sizes: wp.array(dtype=int), starts: wp.array(dtype=int),
                   others: wp.array(dtype=int), a: wp.array(dtype=wp.mat33d), v: wp.array(dtype=wp.vec3d),
-                  free: wp.array(dtype=wp.vec3d), sums_out: wp.array(dtype=real)):  # fmt: skip
-    """(v - v*) . A (v - v*) / 2 by tiles."""
+                  free: wp.array(dtype=wp.vec3d), load: wp.array(dtype=wp.vec3d), sums_out: wp.array(dtype=real)):  # fmt: skip
+    """(v - v*) . (A (v - v*) / 2 - load) by tiles."""
     tile = begin + wp.tid()
     total = real(0.0)
     for i in range(place(tile, tiles, sizes[BLOCKS]), place(tile + 1, tiles, sizes[BLOCKS])):
         q = wp.vec3d()
         for e in range(starts[i], starts[i + 1]):
             q += a[e] * (v[others[e]] - free[others[e]])
-        total += real(0.5) * wp.dot(v[i] - free[i], q)
+        total += wp.dot(v[i] - free[i], real(0.5) * q - load[i])
     sums_out[tile] = total
 
 
