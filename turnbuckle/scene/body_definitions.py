@@ -231,6 +231,15 @@ class SolidDef(BodyBase, MaterialFields):
     cylinder: CylinderDef | None = Field(default=None, description="A solid cylinder [m].")
     vertices: Positions | None = Field(default=None, description="Points, shape (n, 3) [m].")
     tetrahedra: Tetrahedra | None = Field(default=None, description="Tetrahedra of `vertices`, (m, 4) [indices].")
+    triangles: Triangles | None = Field(
+        default=None,
+        description="In place of tetrahedra: triangles (m, 3) of a closed surface of `vertices`, which is filled [indices].",
+    )
+    cage: Count | None = Field(
+        default=None,
+        description="Fill the closed surface with about so many tetrahedra of a grid of cells around it, robust and "
+        "coarse; the surface moves with them [1].",
+    )
     surface: MeshPath | None = Field(
         default=None, description="Finer triangle surface that moves with the solid [path]."
     )
@@ -240,10 +249,17 @@ class SolidDef(BodyBase, MaterialFields):
 
     @model_validator(mode="after")
     def _check(self) -> SolidDef:
-        way = exactly_one(self, [("mesh",), ("box",), ("cylinder",), ("vertices", "tetrahedra")])
-        if self.edge_length is not None and way != "mesh":
-            raise problem("edge_length goes with mesh only", "edge_length")
+        cells = "tetrahedra" if self.triangles is None else "triangles"
+        way = exactly_one(self, [("mesh",), ("box",), ("cylinder",), ("vertices", cells)])
+        if self.triangles is not None and (way != "vertices" or self.tetrahedra is not None):
+            raise problem("triangles go with vertices only, in place of tetrahedra", "triangles")
+        for name in ("edge_length", "cage"):
+            if getattr(self, name) is not None and way != "mesh" and self.triangles is None:
+                raise problem(f"{name} goes with mesh or triangles only", name)
+        if self.edge_length is not None and self.cage is not None:
+            raise problem("give edge_length or cage, not both", "cage")
         if self.vertices is not None:
             _check_indices(self.tetrahedra, len(self.vertices), "tetrahedra")
+            _check_indices(self.triangles, len(self.vertices), "triangles")
         self._density_or_mass(1000.0)
         return self

@@ -25,7 +25,7 @@ from turnbuckle.scene.build_obstacles import first_velocities, scripted
 from turnbuckle.scene.build_rigid_bodies import first_state as first_rigid_state
 from turnbuckle.scene.build_rigid_bodies import no_loads, rigid_bodies, rigid_field
 from turnbuckle.scene.build_skin import add_skins
-from turnbuckle.scene.definitions import BodyPairDef, ForceDef, RigidDef, SceneDef
+from turnbuckle.scene.definitions import BodyPairDef, CoatingDef, ForceDef, RigidDef, SceneDef
 from turnbuckle.scene.expression import compile_expression
 from turnbuckle.scene.upload import make_tetrahedra, upload
 
@@ -61,6 +61,7 @@ def build(definition: SceneDef, folder: Path, device: str = "cpu") -> tuple[Mode
     rigid = [(d, b, s) for d, b, s in zip(definition.bodies, bodies, shapes, strict=True) if isinstance(d, RigidDef)]
     rigid_definitions = [d for d, _, _ in rigid]
     rigids = rigid_bodies(rigid_definitions, [b for _, b, _ in rigid], [s for _, _, s in rigid], len(x))
+    kernels = {body.name: body.around for body in written.bodies if isinstance(body, CoatingDef)}
     dressed = dress_coatings(written, shapes, x, folder)
     fields, rigid_fields = _fields(definition.forces, shapes, mass, rigids)
     model = Model(
@@ -87,7 +88,7 @@ def build(definition: SceneDef, folder: Path, device: str = "cpu") -> tuple[Mode
         corotational=_corotational(bodies, every[elastic], owner[elastic], x),
         strain_limits=_strain_limits(bodies, begins, x),
         scripted=scripted(definition.bodies, [b.motion for b in bodies], shapes),
-        surfaces=contact_surfaces(definition, dressed, x),
+        surfaces=contact_surfaces(definition, kernels, dressed, x),
         contact=contact_options(definition.contact),
         repairs=tuple(b.repairs for b in bodies if b.repairs),
         device_arrays=upload(mass, springs, tets, owns_edge, owns_triangle, device),

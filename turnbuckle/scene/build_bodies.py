@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from turnbuckle.data.errors import InputError
 from turnbuckle.data.shape import Shape, Skin
+from turnbuckle.meshes.cage import cage_near
 from turnbuckle.meshes.embedding import embed
 from turnbuckle.meshes.read import LineMesh, SurfaceMesh, TetMesh, read_mesh
 from turnbuckle.meshes.repair import check_surface, repair_tetrahedra
@@ -204,17 +205,24 @@ def _solid(d: SolidDef, folder: Path) -> Body:
         if isinstance(mesh, TetMesh):
             points, cells = mesh.vertices, mesh.tetrahedra
         elif isinstance(mesh, SurfaceMesh):
-            vertices, triangles, found = check_surface(mesh.vertices, mesh.triangles)
-            enclosed = found.volume
-            if found.flipped or found.duplicates or found.degenerate:
-                notes.append(f"surface: {found.summary()}")
-            surface = SurfaceMesh(vertices, triangles)
-            edge = None if d.edge_length is None else d.edge_length / d.scale
-            points, cells = tetrahedralise(vertices, triangles, edge_length=edge)
+            surface = mesh
         else:
             raise InputError(f"mesh '{d.mesh}' has lines only; a solid takes a closed surface or tetrahedra")
+    elif d.triangles is not None:
+        surface = SurfaceMesh(np.array(d.vertices), np.array(d.triangles))
     else:
         points, cells = d.vertices, d.tetrahedra
+    if surface is not None:
+        vertices, triangles, found = check_surface(surface.vertices, surface.triangles)
+        enclosed = found.volume
+        if found.flipped or found.duplicates or found.degenerate:
+            notes.append(f"surface: {found.summary()}")
+        surface = SurfaceMesh(vertices, triangles)
+        if d.cage is not None:
+            points, cells = cage_near(vertices, triangles, d.cage)
+        else:
+            edge = None if d.edge_length is None else d.edge_length / d.scale
+            points, cells = tetrahedralise(vertices, triangles, edge_length=edge)
     points, cells, report = repair_tetrahedra(points, cells)
     if d.surface is not None:
         finer = _mesh(d, folder, "surface")
@@ -232,7 +240,7 @@ def _solid(d: SolidDef, folder: Path) -> Body:
         filled = volume.sum() / (enclosed * d.scale**3)
         if d.mass is None:
             mass /= filled
-        if abs(filled - 1.0) > FILLED:
+        if d.cage is None and abs(filled - 1.0) > FILLED:
             notes.append(
                 f"tetrahedra fill {100.0 * filled:.1f} % of the surface; a smaller edge_length follows it closer"
             )

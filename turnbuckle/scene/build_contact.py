@@ -1,9 +1,11 @@
 """Which surfaces of a scene keep apart, at what distance, with what friction: ``SceneDef -> Surfaces``."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from turnbuckle.contact.surface import SurfacePart, find_edges, make_surfaces
 from turnbuckle.data.contact import ContactOptions, Surfaces
 from turnbuckle.data.shape import Shape
 from turnbuckle.scene.base_definition import Definition
@@ -17,6 +19,7 @@ from turnbuckle.scene.definitions import (
     RigidDef,
     SceneDef,
     SlideDef,
+    SolidDef,
 )
 
 EDGE_PART = 0.1  # of the mean length of the edges at a vertex: the distance kept where none is given
@@ -31,67 +34,26 @@ def contact_options(d: ContactDef | None) -> ContactOptions:
     return ContactOptions(**{name: getattr(d, name) for name in ContactOptions.__dataclass_fields__})
 
 
-def contact_surfaces(definition: SceneDef, shapes: Sequence[Shape], x: np.ndarray) -> Surfaces | None:
+def contact_surfaces(
+    definition: SceneDef, kernels: dict[str, str], shapes: Sequence[Shape], x: np.ndarray
+) -> Surfaces | None:
     """The surfaces of all bodies that touch anything, None where contact is off.
 
     ``definition``: coatings written out as solids, so that body i has shape i; shapes beyond (skins) touch nothing.
-    ``x`` (points, 3): all points at the start [m].
+    ``kernels``: of each coating, the body inside. ``x`` (points, 3): all points at the start [m].
     """
     options = definition.contact
     if options is None:
         return None
-    bodies = definition.bodies
-    collides = _collides(definition, len(shapes))
-    support, weights, faces, lines, owner = [], [], [], [], []
-    count = 0
-    for i, (body, shape) in enumerate(zip(bodies, shapes, strict=False)):
-        if not collides[i].any():
-            continue
-        points, parts, triangles, segments = _surface(body, shape)
-        support.append(points)
-        weights.append(parts)
-        faces.append(triangles + count)
-        lines.append(segments + count)
-        owner.append(np.full(len(points), i))
-        count += len(points)
-    support = _joined(support, 4, np.int32)
-    weights = _joined(weights, 4, np.float64)
-    faces, shape_of = _joined(faces, 3, np.int32), np.concatenate([np.zeros(0), *owner]).astype(np.int32)
-    edges, edge_faces = edges_of(faces, _joined(lines, 2, np.int32), count)
-    places = np.einsum("sk,skd->sd", weights, x[support])
-    still = np.array([_scripted(body) for body in bodies] + [True] * (len(shapes) - len(bodies)))
-    return Surfaces(
-        support=support,
-        weights=weights,
-        faces=faces,
-        edges=edges,
-        edge_faces=edge_faces,
-        shape=shape_of,
-        delta=_deltas(bodies, options, places, edges, shape_of, still),
-        collides=collides,
-        friction=_friction(definition, len(shapes)),
-    )
-
-
-def edges_of(faces: np.ndarray, lines: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Edges (e, 2) of faces and lines over ``n`` vertices, sorted, each once, and the faces at each (e, 2), else -1."""
-    f = np.asarray(faces, dtype=np.int64)
-    ends = np.sort(np.concatenate([f[:, [0, 1]], f[:, [1, 2]], f[:, [2, 0]], np.asarray(lines, np.int64)]), axis=1)
-    face = np.r_[np.tile(np.arange(len(f)), 3), np.full(len(lines), -1)]
-    key = ends[:, 0] * n + ends[:, 1]
-    order = np.lexsort((face, key))
-    keys, number = np.unique(key, return_inverse=True)
-    edge_faces = np.full((len(keys), 2), -1, dtype=np.int32)
-    real = order[face[order] >= 0]
-    edge = number.ravel()[real]
-    rank = np.arange(len(edge)) - np.searchsorted(edge, edge)
-    kept = rank < 2
-    edge_faces[edge[kept], rank[kept]] = face[real][kept]
-    return np.stack([keys // max(n, 1), keys % max(n, 1)], axis=1).astype(np.int32), edge_faces
-
-
-def _joined(parts: list[np.ndarray], columns: int, kind: type) -> np.ndarray:
-    return np.concatenate([np.zeros((0, columns)), *parts]).astype(kind)
+    collides = _collides(definition, kernels, len(shapes))
+    touching = [
+        (body, _part(i, body, shape))
+        for i, (body, shape) in enumerate(zip(definition.bodies, shapes, strict=False))
+        if collides[i].any()
+    ]
+    deltas = _deltas(touching, options, x)
+    parts = [replace(part, delta=delta) for (_, part), delta in zip(touching, deltas, strict=True)]
+    return make_surfaces(parts, x, collides, _friction(definition, len(shapes)))
 
 
 def _scripted(body: BodyDef) -> bool:
@@ -99,23 +61,17 @@ def _scripted(body: BodyDef) -> bool:
     return isinstance(body, ObstacleDef) or (isinstance(body, RigidDef) and body.motion != "dynamic")
 
 
-def _surface(body: BodyDef, shape: Shape) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Supports (s, 4), weights (s, 4), triangles and lines over the s vertices of one body."""
-    if shape.skin is not None and shape.skin.points.shape[1] <= 4:
-        k = shape.skin.points.shape[1]
-        points = np.repeat(shape.skin.points[:, :1], 4, axis=1)
-        weights = np.zeros((len(points), 4))
-        points[:, :k], weights[:, :k] = shape.skin.points, shape.skin.weights
-        return points, weights, shape.skin.triangles, np.zeros((0, 2), np.int32)
+def _part(number: int, body: BodyDef, shape: Shape) -> SurfacePart:
+    """The surface of one body: the finer one that is embedded in it, else its own triangles and lines."""
+    if shape.skin is not None and isinstance(body, SolidDef):
+        return SurfacePart(number, shape.skin.points, shape.skin.weights, shape.skin.triangles)
     used = np.unique(np.concatenate([shape.triangles.ravel(), shape.lines.ravel()]))
-    number = np.zeros(shape.end - shape.begin, dtype=np.int32)
-    number[used] = np.arange(len(used))
-    points = np.repeat((used + shape.begin)[:, None], 4, axis=1).astype(np.int32)
-    weights = np.tile([1.0, 0.0, 0.0, 0.0], (len(used), 1))
-    return points, weights, number[shape.triangles], number[shape.lines]
+    index = np.zeros(shape.end - shape.begin, dtype=np.int32)
+    index[used] = np.arange(len(used))
+    return SurfacePart(number, used + shape.begin, None, index[shape.triangles], index[shape.lines])
 
 
-def _collides(definition: SceneDef, count: int) -> np.ndarray:
+def _collides(definition: SceneDef, kernels: dict[str, str], count: int) -> np.ndarray:
     """Which bodies touch which (shapes, shapes)."""
     options, bodies = definition.contact, definition.bodies
     assert options is not None
@@ -126,12 +82,12 @@ def _collides(definition: SceneDef, count: int) -> np.ndarray:
     for i, body in enumerate(bodies):
         still[i] = _scripted(body)
         hard = isinstance(body, ObstacleDef | RigidDef)
-        on[i] = body.contact is not False
-        own[i] = on[i] and not hard and body.contact != "self off"
+        on[i] = body.contact != "off"
+        own[i] = on[i] and not hard and body.contact != "others"
     collides = np.outer(on, on) & ~np.outer(still, still)
     np.fill_diagonal(collides, own)
     if not options.jointed:
-        for names in _joined_bodies(definition):
+        for names in _joined_bodies(definition, kernels):
             for a in names:
                 for b in names:
                     if a != b:
@@ -144,11 +100,12 @@ def _collides(definition: SceneDef, count: int) -> np.ndarray:
     return collides
 
 
-def _joined_bodies(definition: SceneDef) -> Iterator[set[str]]:
-    """Bodies that a constraint of the scene joins, by name."""
+def _joined_bodies(definition: SceneDef, kernels: dict[str, str]) -> Iterator[set[str]]:
+    """Bodies that a constraint of the scene joins, by name; what coats one of two jointed bodies joins in."""
     for constraint in definition.constraints:
         if isinstance(constraint, JOINING):
             names = set(_names(constraint))
+            names |= {coating for coating, kernel in kernels.items() if kernel in names}
             if len(names) > 1:
                 yield names
 
@@ -170,29 +127,32 @@ def _names(value: object) -> Iterator[str]:
 
 
 def _deltas(
-    bodies: Sequence[BodyDef],
-    options: ContactDef,
-    x: np.ndarray,
-    edges: np.ndarray,
-    shape: np.ndarray,
-    still: np.ndarray,
-) -> np.ndarray:
-    """The distance that each vertex keeps (s,) [m]."""
-    n = len(x)
-    length = np.linalg.norm(x[edges[:, 1]] - x[edges[:, 0]], axis=1)
-    total = np.bincount(edges.ravel(), weights=np.repeat(length, 2), minlength=n)
-    delta = EDGE_PART * total / np.maximum(np.bincount(edges.ravel(), minlength=n), 1)
-    for i in np.unique(shape):
-        own = shape == i
-        delta[own] = np.minimum(delta[own], SIZE_PART * np.linalg.norm(np.ptp(x[own], axis=0)))
-    if options.delta is not None:
-        delta[:] = options.delta
-    elif (~still[shape]).any():
-        delta[still[shape]] = np.minimum(delta[still[shape]], np.median(delta[~still[shape]]))
-    for i, body in enumerate(bodies):
+    touching: Sequence[tuple[BodyDef, SurfacePart]], options: ContactDef, x: np.ndarray
+) -> list[float | np.ndarray]:
+    """The distance that each vertex of each part keeps (n,) [m], or one for all."""
+    own = [_own_delta(part, x) for _, part in touching]
+    moving = [delta for (body, _), delta in zip(touching, own, strict=True) if not _scripted(body) and len(delta)]
+    most = np.median(np.concatenate(moving)) if moving else np.inf
+    found: list[float | np.ndarray] = []
+    for (body, _), delta in zip(touching, own, strict=True):
         if body.contact_delta is not None:
-            delta[shape == i] = body.contact_delta
-    return delta
+            found.append(body.contact_delta)
+        elif options.delta is not None:
+            found.append(options.delta)
+        else:
+            found.append(np.minimum(delta, most) if _scripted(body) else delta)
+    return found
+
+
+def _own_delta(part: SurfacePart, x: np.ndarray) -> np.ndarray:
+    """By the lengths of the edges, and by the size of the body (n,) [m]."""
+    place = x[part.support] if part.weights is None else np.einsum("sk,skd->sd", part.weights, x[part.support])
+    edges, _ = find_edges(part.triangles, part.lines)
+    length = np.linalg.norm(place[edges[:, 1]] - place[edges[:, 0]], axis=1)
+    n = len(place)
+    total = np.bincount(edges.ravel(), weights=np.repeat(length, 2), minlength=n)
+    mean = total / np.maximum(np.bincount(edges.ravel(), minlength=n), 1)
+    return np.minimum(EDGE_PART * mean, SIZE_PART * np.linalg.norm(np.ptp(place, axis=0)))
 
 
 def _friction(definition: SceneDef, count: int) -> np.ndarray:

@@ -92,13 +92,26 @@ def _switch(value: Any) -> Any:
 ContactField = Annotated[ContactDef | None, BeforeValidator(_switch, json_schema_input_type=ContactDef | bool | None)]
 
 
+WORDS = {True: "on", False: "off", "self off": "others"}
+
+
+def _touches(value: Any) -> Any:
+    return WORDS.get(value, value) if isinstance(value, (bool, str)) else value
+
+
+Touches = Annotated[
+    Literal["on", "off", "others"],
+    BeforeValidator(_touches, json_schema_input_type=bool | Literal["on", "off", "others", "self off"]),
+]
+
+
 class TouchFields(Definition):
     """What a body says of its surface."""
 
-    contact: Literal[True, False, "self off"] | None = Field(
+    contact: Touches | None = Field(
         default=None,
-        description="Whether it touches others and itself; 'self off': others only. When left out true for what deforms, "
-        "'self off' for rigid bodies and obstacles [true, false or text].",
+        description="Whether it touches others and itself (true, on), others only (others, 'self off'), or nothing (false, "
+        "off). When left out on for what deforms, others for rigid bodies and obstacles [text].",
     )
     static_friction: NonNegative | None = Field(default=None, description="Coefficient at rest; the scene's [1].")
     dynamic_friction: NonNegative | None = Field(

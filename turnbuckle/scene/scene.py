@@ -35,7 +35,7 @@ from turnbuckle.scene.language.reader import add_description, is_description, pa
 from turnbuckle.scene.language.writer import write_description
 from turnbuckle.scene.overrides import override
 from turnbuckle.scene.suggestion import did_you_mean
-from turnbuckle.scene.validation import D, place_text, report, validate
+from turnbuckle.scene.validation import D, given_data, place_text, report, validate
 from turnbuckle.scene.yaml_file import definition_text, parse_definition, read_definition, write_definition
 from turnbuckle.scene.yaml_writer import write_yaml
 
@@ -181,6 +181,20 @@ class Scene:
         if type not in CONSTRAINTS:
             raise InputError(f"constraint {name!r}: unknown type {type!r}{did_you_mean(type, CONSTRAINTS)}")
         return self._add("constraints", CONSTRAINTS[type], type, name, fields)
+
+    def set_contact(self, **fields: Any) -> None:
+        """Turn contact on (fields of `ContactDef`), with names of bodies that are there already."""
+        self._change("contact", fields)
+
+    def add_friction(self, a: str, b: str, static: float, dynamic: float | None = None) -> None:
+        """Friction between two bodies or materials that are there already (see `FrictionDef`)."""
+        frictions = [given_data(pair) for pair in self.definition.frictions]
+        self._change("frictions", [*frictions, {"between": [a, b], "static": static, "dynamic": dynamic}])
+
+    def _change(self, field: str, value: Any) -> None:
+        """The scene with one field anew. Raises `InputError`; the scene is unchanged then."""
+        data = given_data(self.definition)
+        self.definition = validate(SceneDef, {**data, field: value}, "", {"folder": self.folder})
 
     def _add(self, kind: str, definition: type[D], label: str, name: str, fields: dict[str, Any]) -> str:
         where = f"{label} {name!r}"
