@@ -171,12 +171,3 @@ def upload_hinges(hinges: Hinges, rest: np.ndarray, device: str) -> HingeArrays:
     for name, value in values.items():
         setattr(out, name, wp.array(np.ascontiguousarray(value, dtype=np.float64), dtype=wp.float64, device=device))
     return out
-
-
-def hinge_angles(points: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Angles (n,) [rad] of hinges with these ``points`` (n, 4) at positions ``x``: what `Hinges.angle` is made of."""
-    x0, x1, x2, x3 = (x[points[:, k]] for k in range(4))
-    d = x1 - x0
-    n1, n2 = np.cross(d, x2 - x0), np.cross(x3 - x0, d)
-    e = d / np.maximum(np.linalg.norm(d, axis=1), 1e-300)[:, None]
-    return np.arctan2(np.einsum("nd,nd->n", np.cross(n1, n2), e), np.einsum("nd,nd->n", n1, n2))

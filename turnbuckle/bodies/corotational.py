@@ -1,22 +1,22 @@
 """Corotational linear tetrahedra: Mueller and Gross 2004 (Interactive Virtual Materials), with the nearest rotation.
 
 With the gradients g_i of the shape functions at rest, ``F = sum_i x_i g_i^T``, R its nearest rotation (`polar`) and the
-strain ``e = sym(R^T F) - I``, an element of rest volume V has the energy and the forces
+strain ``e = sym(R^T F) - I = S - I``, an element of rest volume V has the energy and the forces
 
     E = V (mu e:e + lambda/2 tr(e)^2),        f_i = -R K_e (R^T x - X) = -V R (2 mu e + lambda tr(e) I) g_i.
 
 Because R maximises ``R : F``, it does not move E to first order, and ``f = -dE/dx`` exactly, inverted elements included
-(rotations made in another way, as by orthonormalising edges, lack this). The Jacobian of the paper,
+(rotations made in another way, as by orthonormalising edges, lack this). e commutes with S, so forces have no moment.
 
-    -dF/dq = R K_e R^T,   block ij = V (lambda y_i y_j^T + mu (y_i . y_j I + y_j y_i^T)),   y_i = R g_i,
+Damping is ``beta`` [s] times the same stiffness on the rate of strain. The rate ``sym(R^T dF/dt)`` is that of the paper's
+``R K_e R^T v``; but it sees a rigid rotation of a strained element, brakes it and takes angular momentum. What counts here
+is dS/dt: with w the axial vector of ``skew(R^T dF/dt)`` and ``G = tr(S) I - S``, R turns by ``omega = 2 G^-1 w`` in its own frame
+and
 
-is positive semi-definite; damping is ``beta`` [s] times it, in the frame of the same rotation. It lacks what R's own
-turning adds: with w the axial vector of skew(R^T dF) and ``G = tr(S) I - S``, ``S = R^T F``, a rotation moves by
-``2 G^-1 w`` and the second variation of E gains ``w^T T w``, ``T = 4 V (mu I - (2 mu - lambda tr e) G^-1)``: zero at rest,
-positive where the element is stretched, negative where it is squeezed. Its positive part is added ("tension"): without
-it a step as large as those of Contact treats the transverse waves of stretched solids explicitly, and they grow.
+    dS/dt = sym(R^T dF/dt) - sym([omega]x S),        f_i = -beta V R (sigma g_i - G^-1 c x g_i),
 
-``y_i`` sum to zero, so only the six blocks i < j are stored.
+``sigma = 2 mu dS/dt + lambda tr(dS/dt) I`` and c the axial vector of ``2 skew(sigma S)``. Both rates are the same at rest. Where G is not safely
+positive (elements inside out), the paper's rate is taken. `corotational_blocks` has the Jacobians.
 """
 
 import numpy as np
@@ -30,7 +30,7 @@ from turnbuckle.math.types import real, vec3
 wp.set_module_options({"enable_backward": False})
 
 mat33 = wp.mat33d
-BLOCKS = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))  # corners of the blocks that are stored
+SAFE = wp.constant(wp.float64(1e-3))  # of tr(S)^3: a determinant of G below it (8/27 at rest) is not trusted
 
 
 @wp.struct
@@ -58,12 +58,15 @@ class Strain:
     stretch: mat33  # S = R^T F, symmetric
     trace: real  # tr(e)
     energy: real
+    turning: mat33  # G^-1, zero where G is not safely positive
 
 
 @wp.func
-def stress_times(e: Elements, s: int, strain: mat33, trace: real, g: vec3):
-    """``V (2 mu strain + lambda trace I) g``."""
-    return strain * g * (real(2.0) * e.mu[s]) + g * (e.lam[s] * trace)
+def stress(e: Elements, s: int, strain: mat33, trace: real) -> mat33:
+    """``V (2 mu strain + lambda trace I)`` [J]."""
+    d = e.lam[s] * trace
+    zero = real(0.0)
+    return strain * (real(2.0) * e.mu[s]) + mat33(d, zero, zero, zero, d, zero, zero, zero, d)
 
 
 @wp.func
@@ -97,18 +100,43 @@ def strain_of(e: Elements, s: int, x: wp.array(dtype=vec3)) -> Strain:
     q.y1 = r * e.gradient[s, 0]
     q.y2 = r * e.gradient[s, 1]
     q.y3 = r * e.gradient[s, 2]
-    q.p1 = r * stress_times(e, s, strain, trace, e.gradient[s, 0])
-    q.p2 = r * stress_times(e, s, strain, trace, e.gradient[s, 1])
-    q.p3 = r * stress_times(e, s, strain, trace, e.gradient[s, 2])
+    sigma = stress(e, s, strain, trace)
+    q.p1 = r * (sigma * e.gradient[s, 0])
+    q.p2 = r * (sigma * e.gradient[s, 1])
+    q.p3 = r * (sigma * e.gradient[s, 2])
+    q.turning = inverse_turning(stretch)
     q.energy = e.mu[s] * wp.ddot(strain, strain) + real(0.5) * e.lam[s] * trace * trace
     return q
 
 
 @wp.func
-def turned_rate(e: Elements, s: int, r: mat33, v: wp.array(dtype=vec3)) -> mat33:
-    """``sym(R^T dF/dt)``, the rate of strain in the element's frame [1/s]."""
-    rate = wp.transpose(r) * deformation(e, s, v)
-    return (rate + wp.transpose(rate)) * real(0.5)
+def inverse_turning(stretch: mat33) -> mat33:
+    """``G^-1`` for ``G = tr(S) I - S``; zero where G is not safely positive."""
+    zero = real(0.0)
+    total = wp.trace(stretch)
+    g = mat33(total, zero, zero, zero, total, zero, zero, zero, total) - stretch
+    a = vec3(g[0, 0], g[0, 1], g[0, 2])
+    b = vec3(g[1, 0], g[1, 1], g[1, 2])
+    c = vec3(g[2, 0], g[2, 1], g[2, 2])
+    u = wp.cross(b, c)
+    det = wp.dot(a, u)
+    if total <= zero or det <= SAFE * total * total * total:  # G's smallest eigenvalue is the sum of S's two smallest
+        return mat33()
+    return from_rows(u, wp.cross(c, a), wp.cross(a, b)) * (real(1.0) / det)
+
+
+@wp.func
+def axial(m: mat33) -> vec3:
+    """The axial vector of ``m - m^T``: ``[axial]x = m - m^T``."""
+    return vec3(m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1])
+
+
+@wp.func
+def strain_rate(q: Strain, rate: mat33) -> mat33:
+    """dS/dt of ``rate = R^T dF/dt``."""
+    turn = wp.skew(q.turning * axial(rate)) * q.stretch  # axial(rate) = 2 w
+    whole = rate - turn
+    return (whole + wp.transpose(whole)) * real(0.5)
 
 
 @wp.kernel
@@ -131,12 +159,14 @@ def corotational_forces(
     power = real(0.0)
     beta = elements.damping[s]
     if beta > real(0.0):
-        rate = turned_rate(elements, s, q.rotation, v)
+        rate = strain_rate(q, wp.transpose(q.rotation) * deformation(elements, s, v))
         trace = wp.trace(rate)
-        f1 -= q.rotation * stress_times(elements, s, rate, trace, elements.gradient[s, 0]) * beta
-        f2 -= q.rotation * stress_times(elements, s, rate, trace, elements.gradient[s, 1]) * beta
-        f3 -= q.rotation * stress_times(elements, s, rate, trace, elements.gradient[s, 2]) * beta
-        power = beta * (real(2.0) * elements.mu[s] * wp.ddot(rate, rate) + elements.lam[s] * trace * trace)
+        sigma = stress(elements, s, rate, trace)
+        turn = q.turning * axial(sigma * q.stretch)
+        f1 -= q.rotation * (sigma * elements.gradient[s, 0] - wp.cross(turn, elements.gradient[s, 0])) * beta
+        f2 -= q.rotation * (sigma * elements.gradient[s, 1] - wp.cross(turn, elements.gradient[s, 1])) * beta
+        f3 -= q.rotation * (sigma * elements.gradient[s, 2] - wp.cross(turn, elements.gradient[s, 2])) * beta
+        power = beta * wp.ddot(sigma, rate)
     to = first + 4 * s
     force_out[to] = -(f1 + f2 + f3)
     force_out[to + 1] = f1
@@ -144,175 +174,6 @@ def corotational_forces(
     force_out[to + 3] = f3
     energy_out[s] = q.energy
     power_out[s] = power
-
-
-@wp.func
-def positive_part(a: mat33) -> mat33:
-    """A symmetric matrix with its negative eigenvalues put to zero (three Jacobi sweeps at most six)."""
-    m = a
-    zero = real(0.0)
-    one = real(1.0)
-    q = mat33(one, zero, zero, zero, one, zero, zero, zero, one)
-    size = wp.ddot(a, a)
-    sweep = int(0)
-    going = int(1)
-    while going == 1:
-        left = zero
-        for i in range(2):
-            for j in range(i + 1, 3):
-                off = m[i, j]
-                left += off * off
-                if off != zero:
-                    ratio = (m[j, j] - m[i, i]) / (real(2.0) * off)
-                    t = one / (wp.abs(ratio) + wp.sqrt(ratio * ratio + one))
-                    if ratio < zero:
-                        t = -t
-                    c = one / wp.sqrt(t * t + one)
-                    s = t * c
-                    k = 3 - i - j
-                    aki = m[k, i]
-                    akj = m[k, j]
-                    m[k, i] = c * aki - s * akj
-                    m[i, k] = m[k, i]
-                    m[k, j] = s * aki + c * akj
-                    m[j, k] = m[k, j]
-                    m[i, i] = m[i, i] - t * off
-                    m[j, j] = m[j, j] + t * off
-                    m[i, j] = zero
-                    m[j, i] = zero
-                    for n in range(3):
-                        qa = q[n, i]
-                        qb = q[n, j]
-                        q[n, i] = c * qa - s * qb
-                        q[n, j] = s * qa + c * qb
-        sweep += 1
-        if sweep == 8 or left <= real(1e-30) * size:
-            going = 0
-    r = mat33()
-    for k in range(3):
-        value = wp.max(m[k, k], zero)
-        column = vec3(q[0, k], q[1, k], q[2, k])
-        r += wp.outer(column, column) * value
-    return r
-
-
-@wp.func
-def tension(e: Elements, s: int, q: Strain) -> mat33:
-    """The positive part of T in world axes [J] (see the top of this file)."""
-    mu = e.mu[s]
-    factor = real(2.0) * mu - e.lam[s] * q.trace
-    st = q.stretch
-    total = wp.trace(st)
-    one = real(1.0)
-    zero = real(0.0)
-    eye = mat33(one, zero, zero, zero, one, zero, zero, zero, one)
-    g = eye * total - st
-    # The inverse of G by its adjugate; G loses definiteness only for inverted elements, where nothing is added.
-    a = vec3(g[0, 0], g[0, 1], g[0, 2])
-    b = vec3(g[1, 0], g[1, 1], g[1, 2])
-    c = vec3(g[2, 0], g[2, 1], g[2, 2])
-    u = wp.cross(b, c)
-    v = wp.cross(c, a)
-    w = wp.cross(a, b)
-    det = wp.dot(a, u)
-    if det <= real(1e-3) * total * total * total or total <= zero:
-        return mat33()
-    t = eye * mu - from_rows(u, v, w) * (factor / det)
-    r = q.rotation
-    return positive_part(r * t * wp.transpose(r)) * real(4.0)
-
-
-@wp.func
-def pair_block(e: Elements, s: int, weight: real, a: vec3, b: vec3) -> mat33:
-    """``weight V (lambda a b^T + mu (a . b I + b a^T))``."""
-    mu = e.mu[s] * weight
-    d = mu * wp.dot(a, b)
-    zero = real(0.0)
-    m = wp.outer(a * (e.lam[s] * weight), b) + wp.outer(b * mu, a)
-    return m + mat33(d, zero, zero, zero, d, zero, zero, zero, d)
-
-
-@wp.func
-def turn_block(t: mat33, weight: real, a: vec3, b: vec3) -> mat33:
-    """``weight [a]x^T t [b]x / 4``: how w depends on the corners, ``w = sum_i y_i x dx_i / 2``."""
-    return wp.transpose(wp.skew(a)) * t * wp.skew(b) * (real(0.25) * weight)
-
-
-@wp.kernel
-def corotational_system(
-    begin: int,
-    elements: Elements,
-    first: int,
-    first_block: int,
-    stretched: int,
-    x: wp.array(dtype=vec3),
-    v: wp.array(dtype=vec3),
-    coefficients: wp.array(dtype=real),
-    force_out: wp.array(dtype=vec3),
-    push_out: wp.array(dtype=vec3),
-    block_out: wp.array(dtype=mat33),
-    energy_out: wp.array(dtype=real),
-    power_out: wp.array(dtype=real),
-):
-    """Forces and ``K v`` on the corners, and the blocks of ``-coefficients[0] D - coefficients[1] K`` for `BLOCKS`.
-
-    K has the tension part where ``stretched`` is 1. ``force_out``, ``push_out``: ``first + 4 s + k``; ``block_out``:
-    ``first_block + 6 s + k``.
-    """
-    s = known(begin + wp.tid())
-    q = strain_of(elements, s, x)
-    rate = turned_rate(elements, s, q.rotation, v)
-    trace = wp.trace(rate)
-    k1 = -(q.rotation * stress_times(elements, s, rate, trace, elements.gradient[s, 0]))
-    k2 = -(q.rotation * stress_times(elements, s, rate, trace, elements.gradient[s, 1]))
-    k3 = -(q.rotation * stress_times(elements, s, rate, trace, elements.gradient[s, 2]))
-    beta = elements.damping[s]
-    f1 = k1 * beta - q.p1
-    f2 = k2 * beta - q.p2
-    f3 = k3 * beta - q.p3
-    power = real(2.0) * elements.mu[s] * wp.ddot(rate, rate) + elements.lam[s] * trace * trace
-    stiff = coefficients[1]
-    both = coefficients[0] * beta + stiff
-    y0 = -(q.y1 + q.y2 + q.y3)
-    b01 = pair_block(elements, s, both, y0, q.y1)
-    b02 = pair_block(elements, s, both, y0, q.y2)
-    b03 = pair_block(elements, s, both, y0, q.y3)
-    b12 = pair_block(elements, s, both, q.y1, q.y2)
-    b13 = pair_block(elements, s, both, q.y1, q.y3)
-    b23 = pair_block(elements, s, both, q.y2, q.y3)
-    if stretched == 1:
-        t = tension(elements, s, q)
-        b01 += turn_block(t, stiff, y0, q.y1)
-        b02 += turn_block(t, stiff, y0, q.y2)
-        b03 += turn_block(t, stiff, y0, q.y3)
-        b12 += turn_block(t, stiff, q.y1, q.y2)
-        b13 += turn_block(t, stiff, q.y1, q.y3)
-        b23 += turn_block(t, stiff, q.y2, q.y3)
-        c = elements.corners[s]
-        v0 = v[c[0]]
-        w = wp.cross(q.y1, v[c[1]] - v0) + wp.cross(q.y2, v[c[2]] - v0) + wp.cross(q.y3, v[c[3]] - v0)
-        tw = t * w * real(0.25)
-        k1 += wp.cross(q.y1, tw)
-        k2 += wp.cross(q.y2, tw)
-        k3 += wp.cross(q.y3, tw)
-    to = first + 4 * s
-    force_out[to] = -(f1 + f2 + f3)
-    force_out[to + 1] = f1
-    force_out[to + 2] = f2
-    force_out[to + 3] = f3
-    push_out[to] = -(k1 + k2 + k3)
-    push_out[to + 1] = k1
-    push_out[to + 2] = k2
-    push_out[to + 3] = k3
-    at = first_block + 6 * s
-    block_out[at] = b01
-    block_out[at + 1] = b02
-    block_out[at + 2] = b03
-    block_out[at + 3] = b12
-    block_out[at + 4] = b13
-    block_out[at + 5] = b23
-    energy_out[s] = q.energy
-    power_out[s] = beta * power
 
 
 def gradients_at_rest(rest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

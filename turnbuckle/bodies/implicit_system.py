@@ -15,7 +15,8 @@ import scipy.sparse as sp
 import warp as wp
 
 from turnbuckle.bodies.bending import hinge_system, upload_hinges
-from turnbuckle.bodies.corotational import BLOCKS, corotational_system, upload_corotational
+from turnbuckle.bodies.corotational import upload_corotational
+from turnbuckle.bodies.corotational_blocks import BLOCKS, corotational_system
 from turnbuckle.bodies.energy_blocks import area_system, volume_system
 from turnbuckle.bodies.spring_blocks import spring_system
 from turnbuckle.compute import Program, host
