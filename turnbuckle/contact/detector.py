@@ -5,7 +5,7 @@ import numpy as np
 from turnbuckle.contact.broad import BroadPhase
 from turnbuckle.contact.ccd_pairs import Ccd
 from turnbuckle.contact.manifold import no_contacts
-from turnbuckle.contact.proximity import proximity
+from turnbuckle.contact.proximity import Proximity
 from turnbuckle.data.contact import VERTEX_FACE, Contacts, Pairs, Surfaces
 
 REACH = 1.5  # of delta: pairs nearer than this are rows from the start
@@ -20,6 +20,7 @@ class Detector:
         self.surfaces = surfaces
         self.broad = BroadPhase(surfaces, device, method, moves=moves)
         self.ccd = Ccd(surfaces, device)
+        self.proximity = Proximity(surfaces, device)
         self.reach = REACH
         self.smallest_gap = np.inf  # [m] certified by the last call of :meth:`crossed`
         self._largest = float(surfaces.delta.max(initial=0.0))
@@ -38,7 +39,7 @@ class Detector:
         pairs = self.broad.candidates(x0, x0, self.reach * self.surfaces.delta)
         if pairs.count == 0:
             return no_contacts()
-        return proximity(self.surfaces, pairs, x0, self.reach * self.deltas(pairs.kind, pairs.a, pairs.b))
+        return self.proximity.contacts(pairs, x0, self.reach * self.deltas(pairs.kind, pairs.a, pairs.b))
 
     def crossed(self, x0: np.ndarray, x1: np.ndarray) -> Contacts:
         """Contacts of pairs that come too near on the straight way from ``x0`` to ``x1``."""

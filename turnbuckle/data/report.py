@@ -25,6 +25,10 @@ class StepReport:
     iterations: dict[str, int] = field(default_factory=dict)  # by solver
     rounds: int = 0  # of constraint manifold refinement
     halvings: int = 0
+    last_resorts: int = 0  # times that zones of impact had to be moved rigidly
+    contacts: int = 0  # rows of non-penetration in the last solve
+    touching: int = 0  # of them, those that push
+    contact_residual: dict[str, float] = field(default_factory=dict)  # [m/s] by condition (Contact, (7))
     smallest_gap: float | None = None  # [m] certified by continuous collision detection
     seconds: dict[str, float] = field(default_factory=dict)  # wall time by stage, and "total"
 

@@ -27,6 +27,7 @@ from turnbuckle.step.rigid_access import (
     write_target,
     write_velocity,
 )
+from turnbuckle.step.contact_step import ContactStepper
 from turnbuckle.step.step import Stepper
 
 
@@ -42,7 +43,8 @@ class Simulation:
         self.model: Model
         self.state: State
         self.model, self.state = scene.build(device)
-        self.stepper = Stepper(self.model, self.state)
+        touches = self.model.surfaces is not None
+        self.stepper: Stepper | ContactStepper = (ContactStepper if touches else Stepper)(self.model, self.state)
 
     def step(self, dt: float | None = None) -> StepReport:
         """Advance by ``dt`` [s], the scene's step when left out. A failed step leaves the state as it was."""

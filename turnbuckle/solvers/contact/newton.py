@@ -83,7 +83,7 @@ class NewtonSolver:
         b = self.buffers
         self.rows = None
         tiles = TILES if max(n, m) > SMALL else 1
-        b.load(problem, tiles)
+        b.take(problem, tiles)
         if problem.e is not None and problem.e.shape[0]:
             self.rows = EqualityRows(problem, b)
         self._record(tiles)

@@ -29,7 +29,7 @@ class Buffers:
         except KeyError:
             raise AttributeError(name) from None
 
-    def load(self, problem: ContactProblem, tiles: int) -> None:
+    def take(self, problem: ContactProblem, tiles: int) -> None:
         """Take over a problem."""
         a, j = problem.a, problem.j
         n, m = a.shape[0] // 3, problem.count

@@ -1,0 +1,187 @@
+"""The free half of a contact step: A, loads, and what has its motion prescribed, in blocks of velocity (Contact, 3.1).
+
+Blocks are those of `turnbuckle.bodies.implicit_system`: points first, then velocity and angular velocity of each rigid
+body. Points of rigid bodies and scripted points have blocks too, which are never solved for.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.spatial.transform import Rotation
+
+from turnbuckle.bodies.implicit_system import ImplicitSystem
+from turnbuckle.compute import host
+from turnbuckle.data.model import Model
+from turnbuckle.data.rigid import DYNAMIC
+from turnbuckle.data.rows import Rows
+from turnbuckle.data.state import State
+from turnbuckle.geometry.quaternions import rotate
+from turnbuckle.scene.build_rigid_bodies import inertial_pose
+from turnbuckle.step.field_values import field_values
+
+
+@dataclass
+class Prescribed:
+    """Blocks that do not answer to forces in this step, and the velocity that they have in it."""
+
+    fixed: np.ndarray  # (n,) bool
+    velocity: np.ndarray  # (n, 3) [m/s or rad/s], of fixed blocks
+    scripted: np.ndarray  # (points, 3) positions at the end of the step; NaN for points that are not scripted
+
+
+class ContactDynamics:
+    """A of one model, its loads and its motion."""
+
+    def __init__(self, model: Model, state: State) -> None:
+        self.model, self.state = model, state
+        self.system = ImplicitSystem(model)
+        self.points = model.points
+        self.n = self.system.n
+        rigid = model.rigid
+        self.dynamic = rigid.motion == DYNAMIC
+        self.body_of = model.body_of
+        self.slaves = np.flatnonzero(self.body_of >= 0)
+        self.never = np.zeros(self.n, dtype=bool)  # blocks that no step solves for
+        self.never[: self.points] = model.mass <= 0.0
+        self.never[self.points :] = np.repeat(~self.dynamic, 2)
+        self.pairs = (self.points + 2 * np.flatnonzero(self.dynamic)).astype(np.int32)
+
+    # Where things are ----------------------------------------------------------------------------------------------
+
+    def velocities(self) -> np.ndarray:
+        """Velocities of all blocks at the start of the step (n, 3)."""
+        v = np.empty((self.n, 3))
+        v[: self.points] = host(self.state.now.v)
+        v[self.points :: 2] = host(self.state.rigid.v)
+        v[self.points + 1 :: 2] = host(self.state.rigid.w)
+        return v
+
+    def moved(self, v: np.ndarray, h: float, prescribed: Prescribed) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Positions of points (points, 3), places and quaternions of bodies after ``h`` with velocities v (n, 3).
+
+        Points of rigid bodies follow their bodies, scripted points their script.
+        """
+        rigid = self.state.rigid
+        x = host(self.state.now.x) + h * v[: self.points]
+        there = ~np.isnan(prescribed.scripted[:, 0])
+        x[there] = prescribed.scripted[there]
+        bx = host(rigid.x) + h * v[self.points :: 2]
+        turn = Rotation.from_rotvec(h * v[self.points + 1 :: 2])
+        q = (turn * Rotation.from_quat(host(rigid.q))).as_quat()
+        if len(self.slaves):
+            body = self.body_of[self.slaves]
+            x[self.slaves] = bx[body] + rotate(q[body], self.model.rigid.local[self.slaves])
+        return x, bx, q
+
+    def arms(self, x: np.ndarray) -> np.ndarray:
+        """From the centre of the body to each point at ``x``, (points, 3); zero for points of no rigid body."""
+        r = np.zeros((self.points, 3))
+        r[self.slaves] = x[self.slaves] - host(self.state.rigid.x)[self.body_of[self.slaves]]
+        return r
+
+    # What acts -----------------------------------------------------------------------------------------------------
+
+    def prescribe(self, h: float, nails: Rows | None) -> Prescribed:
+        """Everything that moves by script in this step: obstacles, trajectories, nailed points."""
+        fixed = self.never.copy()
+        velocity = np.zeros((self.n, 3))
+        x = host(self.state.now.x)
+        scripted = np.full((self.points, 3), np.nan)
+        end = self.state.time + h
+        for script in self.model.scripted:
+            part = slice(script.begin, script.end)
+            scripted[part] = script.positions(end) if script.moves else x[part]
+            velocity[part] = (scripted[part] - x[part]) / h
+        rigid = self.model.rigid
+        for b, trajectory in rigid.trajectories.items():
+            origin, turn = trajectory.pose(end)  # type: ignore[attr-defined]
+            place, q = inertial_pose(rigid, b, origin, turn)
+            back = Rotation.from_quat(host(self.state.rigid.q)[b]).inv()
+            velocity[self.points + 2 * b] = (place - host(self.state.rigid.x)[b]) / h
+            velocity[self.points + 2 * b + 1] = (Rotation.from_quat(q) * back).as_rotvec() / h
+        if nails is not None and len(nails.target):
+            point = nails.weights.indices
+            fixed[point] = True
+            velocity[point] = (nails.target - x[point]) / h
+        return Prescribed(fixed, velocity, scripted)
+
+    def assemble(self, h: float) -> tuple[sp.bsr_array, np.ndarray]:
+        """A, and the load (n, 3) [N s] with ``A (v* - v) = load``, at the state.
+
+        A rigid body keeps its angular momentum over the turn that it is about to make: first-order, and never unstable.
+        """
+        state, rigid = self.state, self.state.rigid
+        q, v, w = host(rigid.q), host(rigid.v), host(rigid.w)
+        a = self.system.assemble(
+            host(state.now.x), host(state.now.v), h, gravity=state.gravity, rigid_q=q, rigid_v=v, rigid_w=w
+        )
+        load = self.system.right_side(h).reshape(-1, 3)
+        load[: self.points] += h * self._fields()
+        if self.dynamic.any():
+            force, torque = self._rigid_loads()
+            load[self.points :: 2] += h * force
+            load[self.points + 1 :: 2] += h * torque + self._turned(h)
+        load[self.never] = 0.0
+        return a, load
+
+    def _turned(self, h: float) -> np.ndarray:
+        """What the free turn changes of ``I w``: ``I (w_free - w)``, w_free with the same angular momentum later on."""
+        rigid = self.state.rigid
+        q, w = host(rigid.q), host(rigid.w)
+        inertia = self.model.rigid.inertia
+        here = Rotation.from_quat(q)
+        momentum = here.apply(inertia * here.inv().apply(w))
+        later = Rotation.from_rotvec(h * w) * here
+        w_free = later.apply(later.inv().apply(momentum) / np.where(inertia > 0.0, inertia, 1.0))
+        out = here.apply(inertia * here.inv().apply(w_free - w))
+        out[~self.dynamic] = 0.0
+        return out
+
+    def _fields(self) -> np.ndarray:
+        """Force fields on points (points, 3) [N]; raises FloatingPointError where one is not finite."""
+        x, v = host(self.state.now.x), host(self.state.now.v)
+        out = np.zeros((self.points, 3))
+        for f in self.model.fields:
+            values = field_values(f.name, f.force, x[f.points], v[f.points], self.state.time, self.model.mass[f.points])
+            if not np.isfinite(values).all():
+                raise FloatingPointError(f"force '{f.name}' is not finite at t = {self.state.time:g} s")
+            out[f.points] += values
+        return out
+
+    def _rigid_loads(self) -> tuple[np.ndarray, np.ndarray]:
+        """Pushes and force fields on bodies [N], [N m]."""
+        pushes, bodies = self.state.loads, self.model.rigid
+        rigid = self.state.rigid
+        x, q, v, w = (host(getattr(rigid, name)) for name in "xqvw")
+        force = pushes.force.copy()
+        torque = pushes.torque + np.cross(rotate(q, pushes.at), pushes.force)
+        for f in self.model.rigid_fields:
+            b = f.bodies
+            arm = rotate(q[b], f.at)
+            given = (x[b] + arm, v[b] + np.cross(w[b], arm), self.state.time, bodies.mass[b])
+            value = field_values(f.name, f.force, *given)
+            force[b] += value
+            torque[b] += np.cross(arm, value)
+            if f.torque is not None:
+                torque[b] += field_values(f.name, f.torque, *given)
+        if not (np.isfinite(force).all() and np.isfinite(torque).all()):
+            raise FloatingPointError(f"a force on rigid bodies is not finite at t = {self.state.time:g} s")
+        return force, torque
+
+    # What is measured ----------------------------------------------------------------------------------------------
+
+    def kinetic(self, v: np.ndarray, q: np.ndarray) -> float:
+        """Energy of motion [J] with block velocities v (n, 3) and bodies turned by q (bodies, 4)."""
+        points = 0.5 * float(np.maximum(self.model.mass, 0.0) @ np.einsum("ij,ij->i", v[: self.points], v[: self.points]))
+        rigid = self.model.rigid
+        spin = Rotation.from_quat(q).inv().apply(v[self.points + 1 :: 2])
+        linear = np.einsum("ij,ij->i", v[self.points :: 2], v[self.points :: 2])
+        own = 0.5 * (rigid.mass * linear + np.einsum("ij,ij->i", rigid.inertia, spin * spin))
+        return points + float(own[self.dynamic].sum())
+
+    def gravity_energy(self, x: np.ndarray, bx: np.ndarray) -> float:
+        """Energy in the field of gravity [J]."""
+        g = self.state.gravity
+        own = self.model.rigid.mass[self.dynamic] @ (bx[self.dynamic] @ g)
+        return -float(np.maximum(self.model.mass, 0.0) @ (x @ g)) - float(own)

@@ -1,0 +1,109 @@
+"""From contacts on surfaces to rows over the blocks of a step, and impulses carried from one step to the next."""
+
+import numpy as np
+import scipy.sparse as sp
+
+from turnbuckle.data.contact import VERTEX_FACE, Contacts, Surfaces
+
+
+def frames(normal: np.ndarray) -> np.ndarray:
+    """Orthonormal rows n, t1, t2 for unit normals (m, 3) -> (m, 3, 3); the same for the same normal."""
+    n = normal
+    least = np.argmin(np.abs(n), axis=1)
+    axis = np.zeros_like(n)
+    axis[np.arange(len(n)), least] = 1.0
+    t1 = np.cross(n, axis)
+    t1 /= np.linalg.norm(t1, axis=1, keepdims=True)
+    return np.stack([n, t1, np.cross(n, t1)], axis=1)
+
+
+class PointMap:
+    """From velocities of blocks to velocities of points: a point's own block, or both blocks of its rigid body."""
+
+    def __init__(self, points: int, body_of: np.ndarray, blocks: int) -> None:
+        self.points, self.body_of, self.blocks = points, body_of, blocks
+
+    def rows(
+        self, row: np.ndarray, point: np.ndarray, weight: np.ndarray, frame: np.ndarray, arms: np.ndarray, count: int
+    ) -> sp.bsr_array:
+        """``sum_e weight_e frame_e V(point_e)`` for entries e of each row, as (count, blocks) blocks of 3 x 3.
+
+        ``frame`` (entries, 3, 3), ``arms`` (points, 3) from the centres of rigid bodies [m].
+        """
+        body = self.body_of[point]
+        own, follows = np.flatnonzero(body < 0), np.flatnonzero(body >= 0)
+        values = weight[:, None, None] * frame
+        r = arms[point[follows]]
+        turned = np.cross(r[:, None, :], values[follows])  # f . (w x r) = w . (r x f), row by row
+        block = self.points + 2 * body[follows]
+        rows = np.concatenate([row[own], row[follows], row[follows]])
+        columns = np.concatenate([point[own], block, block + 1])
+        return _summed(rows, columns, np.concatenate([values[own], values[follows], turned]), count, self.blocks)
+
+
+def _summed(rows: np.ndarray, columns: np.ndarray, values: np.ndarray, count: int, blocks: int) -> sp.bsr_array:
+    """Blocks in the order of rows and columns, each once."""
+    key = rows.astype(np.int64) * blocks + columns
+    order = np.argsort(key, kind="stable")
+    key = key[order]
+    first = np.flatnonzero(np.r_[True, key[1:] != key[:-1]]) if len(key) else np.zeros(0, np.int64)
+    data = np.add.reduceat(values[order], first, axis=0) if len(first) else np.zeros((0, 3, 3))
+    unique = key[first]
+    indptr = np.searchsorted(unique // blocks, np.arange(count + 1)).astype(np.int32)
+    indices = (unique % blocks).astype(np.int32)
+    return sp.bsr_array((data, indices, indptr), shape=(3 * count, 3 * blocks))
+
+
+def contact_rows(
+    surfaces: Surfaces, contacts: Contacts, frame: np.ndarray, arms: np.ndarray, points: PointMap
+) -> sp.bsr_array:
+    """J of contacts (Contact, (5)): rows n, t1, t2 of the velocity of the place on a relative to that on b."""
+    m = contacts.count
+    weight = contacts.coefficients[:, :, None] * surfaces.weights[contacts.vertices]  # (m, 4, 4)
+    point = surfaces.support[contacts.vertices]
+    used = np.flatnonzero(weight.ravel() != 0.0)
+    row = used // 16
+    return points.rows(row, point.ravel()[used], weight.ravel()[used], frame[row], arms, m)
+
+
+class Memory:
+    """Impulses of the last step by pair, as world vectors: what a solver starts from (Contact, 5.5, step 1)."""
+
+    def __init__(self, surfaces: Surfaces) -> None:
+        self._span = int(max(len(surfaces.faces), len(surfaces.edges), surfaces.vertices, 1))
+        self.keys = np.zeros(0, dtype=np.int64)
+        self.impulse = np.zeros((0, 3))
+        self.sliding = np.zeros(0, dtype=bool)
+
+    def _key(self, contacts: Contacts) -> np.ndarray:
+        a, b = contacts.a.astype(np.int64), contacts.b.astype(np.int64)
+        return ((contacts.kind != VERTEX_FACE) * self._span + a) * self._span + b
+
+    def _find(self, contacts: Contacts) -> tuple[np.ndarray, np.ndarray]:
+        key = self._key(contacts)
+        at = np.searchsorted(self.keys, key)
+        at = np.minimum(at, max(len(self.keys) - 1, 0))
+        known = (self.keys[at] == key) if len(self.keys) else np.zeros(len(key), dtype=bool)
+        return at, known
+
+    def recall(self, contacts: Contacts, ratio: float) -> tuple[np.ndarray, np.ndarray]:
+        """World impulses (m, 3) [N s] times ``ratio`` (of step sizes), and which contacts slid; zero where new."""
+        at, known = self._find(contacts)
+        first = np.zeros(len(at), dtype=bool)
+        first[np.unique(self._key(contacts), return_index=True)[1]] = True  # of several rows of a pair, one
+        known &= first
+        out = np.zeros((len(at), 3))
+        out[known] = ratio * self.impulse[at[known]]
+        slid = np.zeros(len(at), dtype=bool)
+        slid[known] = self.sliding[at[known]]
+        return out, slid
+
+    def keep(self, contacts: Contacts, impulse: np.ndarray, sliding: np.ndarray) -> None:
+        """Remember world impulses (m, 3), summed over rows of one pair, and which contacts slide."""
+        key = self._key(contacts)
+        self.keys, inverse = np.unique(key, return_inverse=True)
+        inverse = inverse.ravel()
+        self.impulse = np.stack(
+            [np.bincount(inverse, weights=impulse[:, k], minlength=len(self.keys)) for k in range(3)], axis=1
+        )
+        self.sliding = np.bincount(inverse, weights=sliding, minlength=len(self.keys)) > 0.0
