@@ -20,31 +20,13 @@ The pair that is nearest of all fulfils every condition, so what is near always 
 
 import warp as wp
 
+from turnbuckle.contact.neighbourhood import Neighbourhood
 from turnbuckle.math.types import vec3
 
 wp.set_module_options({"enable_backward": False})
 
 F64 = wp.array(dtype=wp.float64)
 I32 = wp.array(dtype=wp.int32)
-
-
-@wp.struct
-class Neighbourhood:
-    """What is around edges and vertices."""
-
-    edges: wp.array(dtype=wp.int32)  # (2 e,)
-    opposite: wp.array(dtype=wp.int32)  # (2 e,) third vertices of the faces at each edge, -1 where there is none
-    faces: wp.array(dtype=wp.int32)  # (3 f,)
-    face_edges: wp.array(dtype=wp.int32)  # (3 f,) the edge from each corner to the next, -1 where there is none
-    start: wp.array(dtype=wp.int32)  # (s + 1,) into `other`
-    other: wp.array(dtype=wp.int32)  # vertices at the other ends of a vertex' edges
-    sheet: wp.array(dtype=wp.uint8)  # (s,) 1: the vertex has faces
-
-
-PASS = 1  # the distance is at a minimum here
-FLAT = 2  # faces on both sides, square to the normal
-BLUNT = 4  # the surface is nearly square to the normal
-SHEET = 8  # there are faces
 
 
 @wp.func_native(
@@ -73,6 +55,7 @@ SHEET = 8  # there are faces
         ++faces;
     }
     const int pass = most <= noise;
+    // 1: the distance is at a minimum here; 2: flat, faces on both sides; 4: blunt; 8: there are faces
     return pass | (faces == 2 && pass && least >= -noise) << 1 | (faces > 0 && pass && least >= -blunt) << 2
          | (faces > 0) << 3;
 """

@@ -10,8 +10,9 @@ import warp as wp
 from turnbuckle.compute.host import host
 from turnbuckle.compute.program import Program
 from turnbuckle.contact.closest import SLOT, closest_edge_edge, closest_vertex_face
-from turnbuckle.contact.normal_cone import Neighbourhood, edges_meet, vertex_meets_edge, vertices_meet
-from turnbuckle.contact.surface import neighbours
+from turnbuckle.contact.neighbourhood import Neighbourhood, make_neighbourhood
+from turnbuckle.contact.normal_cone import edges_meet, vertex_meets_edge, vertices_meet
+from turnbuckle.contact.repeats import first_of_each
 from turnbuckle.contact.touching import touching_normals
 from turnbuckle.data.contact import Contacts, Pairs, Surfaces
 from turnbuckle.data.errors import InputError
@@ -29,18 +30,9 @@ SMALL = 4096  # pairs below which one thread does it all
 
 @wp.func_native(
     """
-    // boxes apart by more than the largest reach of the two sides: not a contact
+    // boxes of the two sides apart by more than the reach: not a contact
     const double *base = (const double *)x.data;
-    double ra = 0.0, rb = 0.0;
-    const int c[4] = {v0, v1, v2, v3};
-    const double *p[4];
-    for (int k = 0; k < 4; ++k) p[k] = base + 3 * c[k];
-    for (int k = 0; k < 4; ++k) {
-        const double r = reach.data[c[k]];
-        if (k < first) ra = r > ra ? r : ra;
-        else rb = r > rb ? r : rb;
-    }
-    const double far = 0.5 * (ra + rb);
+    const double *p[4] = {base + 3 * v0, base + 3 * v1, base + 3 * v2, base + 3 * v3};
     for (int i = 0; i < 3; ++i) {
         double la = p[0][i], ua = la, lb = p[3][i], ub = lb;
         if (first == 2) {
@@ -57,9 +49,7 @@ SMALL = 4096  # pairs below which one thread does it all
     return 0;
 """
 )
-def _apart(
-    x: wp.array(dtype=vec3), reach: F64, v0: int, v1: int, v2: int, v3: int, first: int
-) -> int: ...  # fmt: skip
+def _apart(x: wp.array(dtype=vec3), far: wp.float64, v0: int, v1: int, v2: int, v3: int, first: int) -> int: ...
 
 
 @wp.func
@@ -93,7 +83,9 @@ def _edge_place(x: wp.array(dtype=vec3), near: Neighbourhood, scratch: F64, slot
 
 
 @wp.func
-def _keep(x: wp.array(dtype=vec3), reach: F64, near: Neighbourhood, kind: int, a: int, b: int, scratch: F64, slot: int):
+def _keep(
+    x: wp.array(dtype=vec3), reach: wp.float64, near: Neighbourhood, kind: int, a: int, b: int, scratch: F64, slot: int
+):
     """0: not a contact; 1: a contact that no other pair can be; 2: one that others may be as well."""
     v0 = a
     v1 = int(0)
@@ -118,13 +110,7 @@ def _keep(x: wp.array(dtype=vec3), reach: F64, near: Neighbourhood, kind: int, a
     else:
         mask = closest_edge_edge(x, v0, v1, v2, v3, scratch, slot)
     s = SLOT * slot
-    far = (
-        wp.abs(scratch[s]) * reach[v0]
-        + wp.abs(scratch[s + 1]) * reach[v1]
-        + wp.abs(scratch[s + 2]) * reach[v2]
-        + wp.abs(scratch[s + 3]) * reach[v3]
-    )
-    if scratch[s + 7] >= wp.float64(0.5) * far:
+    if scratch[s + 7] >= reach:
         return 0
     unique = wp.where(mask == 15, 1, 2)
     if scratch[s + 7] <= wp.float64(1e-14) * scratch[s + 8]:
@@ -164,75 +150,12 @@ def find_contacts(
     i = worker * run
     while i < n:
         for j in range(i, wp.min(i + run, n)):
-            keep = _keep(x, reach, near, kind[j], a[j], b[j], scratch, worker)
+            keep = _keep(x, reach[j], near, kind[j], a[j], b[j], scratch, worker)
             keep_out[j] = wp.uint8(keep)
             if keep > 0:
                 for k in range(8):
                     place_out[j, k] = scratch[SLOT * worker + k]
         i += workers * run
-
-
-@wp.func_native(
-    """
-    // open addressing; the first of each key stays
-    for (int i = 0; i < n; ++i) {
-        const int *k = key.data + 3 * i;
-        unsigned h = (unsigned)k[0] * 73856093u ^ (unsigned)k[1] * 19349663u ^ (unsigned)k[2] * 83492791u;
-        h ^= h >> 15;
-        for (h &= (unsigned)size - 1u;; h = (h + 1u) & ((unsigned)size - 1u)) {
-            const int at = table.data[h];
-            if (at < 0) {
-                table.data[h] = i;
-                first.data[i] = 1;
-                break;
-            }
-            const int *other = key.data + 3 * at;
-            if (other[0] == k[0] && other[1] == k[1] && other[2] == k[2]) {
-                first.data[i] = 0;
-                break;
-            }
-        }
-    }
-"""
-)
-def _firsts(
-    key: wp.array2d(dtype=wp.int32), n: int, table: I32, size: int, first: wp.array(dtype=wp.uint8)
-): ...  # fmt: skip
-
-
-@wp.kernel
-def mark_firsts(begin: int, key: wp.array2d(dtype=wp.int32), table: I32, first_out: wp.array(dtype=wp.uint8)):
-    """Which of the keys (n, 3) did not come before; ``table`` is full of -1 and at least twice as long."""
-    _firsts(key, key.shape[0], table, table.shape[0], first_out)
-
-
-def make_neighbourhood(surfaces: Surfaces, device: str) -> Neighbourhood:
-    """What is around edges and vertices, on the device."""
-    edges, faces = surfaces.edges.astype(np.int64), surfaces.faces.astype(np.int64)
-    n = surfaces.vertices
-    at = surfaces.edge_faces
-    sums = faces.sum(axis=1) if len(faces) else np.zeros(1, dtype=np.int64)
-    opposite = np.where(at >= 0, sums[at] - edges.sum(axis=1, keepdims=True), -1)
-    code = edges[:, 0] * n + edges[:, 1]
-    sides = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2), axis=2)
-    asked = (sides[..., 0] * n + sides[..., 1]).reshape(-1)
-    place = np.minimum(np.searchsorted(code, asked), max(len(code) - 1, 0))
-    face_edges = np.where(code[place] == asked, place, -1) if len(code) else np.full(len(asked), -1)
-    start, other = neighbours(n, surfaces.edges)
-    sheet = np.zeros(n, dtype=np.uint8)
-    sheet[faces] = 1
-    near = Neighbourhood()
-    for name, value in (
-        ("edges", edges),
-        ("opposite", opposite),
-        ("faces", faces),
-        ("face_edges", face_edges),
-        ("start", start),
-        ("other", other),
-    ):
-        setattr(near, name, wp.array(value.reshape(-1).astype(np.int32), dtype=wp.int32, device=device))
-    near.sheet = wp.array(sheet, dtype=wp.uint8, device=device)
-    return near
 
 
 class Proximity:
@@ -243,7 +166,6 @@ class Proximity:
         self.near = make_neighbourhood(surfaces, device)
         n = surfaces.vertices
         self._x = wp.zeros(n, dtype=vec3, device=device)
-        self._reach = wp.zeros(n, dtype=wp.float64, device=device)
         self._count = wp.zeros(1, dtype=wp.int32, device=device)
         self._capacity = 0
         self._programs: list[Program] = []
@@ -251,8 +173,7 @@ class Proximity:
     def contacts(self, pairs: Pairs, x: np.ndarray, reach: float | np.ndarray) -> Contacts:
         """Contacts among ``pairs`` at positions ``x`` (s, 3) [m].
 
-        ``reach`` [m], one or (s,): a pair counts when nearer than the mean of its two sides, each taken at the closest
-        place. The order is that of the pairs. Contacts that several pairs share (at an edge or a vertex) are kept once,
+        ``reach`` [m], one or one a pair: what they must be nearer than. The order is that of the pairs. Contacts that several pairs share (at an edge or a vertex) are kept once,
         with the first pair. `normal_cone` says which are left out.
         """
         x = np.asarray(x, dtype=np.float64)
@@ -263,9 +184,12 @@ class Proximity:
             return _no_contacts()
         if n > self._capacity:
             self._record(max(4096, n + n // 2))
-        wide = np.broadcast_to(np.asarray(reach, dtype=np.float64), len(x))
+        if np.ndim(reach) and np.shape(reach) != (n,):
+            raise InputError(
+                f"proximity: 'reach' has shape {np.shape(reach)}; give one number or one for each of {n} pairs"
+            )
         self._put(self._x, x)
-        self._put(self._reach, wide)
+        self._put(self._reach, np.broadcast_to(np.asarray(reach, dtype=np.float64), n))
         self._put(self._count, np.array([n], dtype=np.int32))
         for array, value in zip(self._pairs, (pairs.kind, pairs.a, pairs.b), strict=True):
             self._put(array, value)
@@ -314,6 +238,7 @@ class Proximity:
         on_gpu = wp.get_device(self.device).is_cuda
         workers, run = (capacity, 1) if on_gpu else (WORKERS, RUN)
         self._pairs = [wp.zeros(capacity, dtype=wp.int32, device=self.device) for _ in range(3)]
+        self._reach = wp.zeros(capacity, dtype=wp.float64, device=self.device)
         self._keep = wp.zeros(capacity, dtype=wp.uint8, device=self.device)
         self._place = wp.zeros((capacity, 8), dtype=wp.float64, device=self.device)
         scratch = wp.zeros(workers * SLOT, dtype=wp.float64, device=self.device)
@@ -325,29 +250,6 @@ class Proximity:
             program = Program(self.device, threads)
             program.launch(find_contacts, workers, inputs, 1000)
             self._programs.append(program.finish(0))
-
-
-def first_of_each(vertices: np.ndarray, coefficients: np.ndarray, shared: np.ndarray) -> np.ndarray:
-    """Which contacts (n,) to keep: all but those of ``shared`` whose places came before, on the same vertices."""
-    out = np.ones(len(vertices), dtype=bool)
-    rows = np.flatnonzero(shared)
-    if not len(rows):
-        return out
-    c = coefficients[rows]
-    # at most three vertices: one against one or two; the lone vertex first. With two lone ones the lower first.
-    v = np.where(c != 0.0, vertices[rows], np.iinfo(np.int32).max)
-    negative = np.sort(np.where(c < 0.0, v, np.iinfo(np.int32).max), axis=1)[:, :2]
-    positive = np.sort(np.where(c > 0.0, v, np.iinfo(np.int32).max), axis=1)[:, :2]
-    swap = (positive[:, 1] < np.iinfo(np.int32).max) | (
-        (negative[:, 1] == np.iinfo(np.int32).max) & (negative[:, 0] < positive[:, 0])
-    )
-    one, two = np.where(swap[:, None], negative, positive), np.where(swap[:, None], positive, negative)
-    key = wp.array(np.ascontiguousarray(np.column_stack([one[:, 0], two])), dtype=wp.int32, device="cpu")
-    table = wp.full(1 << int(2 * len(rows)).bit_length(), -1, dtype=wp.int32, device="cpu")
-    first = wp.zeros(len(rows), dtype=wp.uint8, device="cpu")
-    wp.launch(mark_firsts, 1, inputs=[0, key, table, first], device="cpu")
-    out[rows] = first.numpy().astype(bool)
-    return out
 
 
 def proximity(
