@@ -72,19 +72,9 @@ def on_pattern(matrix: sp.bsr_array, pattern: sp.bsr_array) -> sp.bsr_array:
     place = np.minimum(np.searchsorted(keys, own), max(len(keys) - 1, 0))
     there = keys[place] == own if len(keys) else np.zeros(len(own), bool)
     data = np.zeros((len(keys), 3, 3))
-    np.add.at(data, place[there], matrix.data[there])
+    place, blocks = place[there], matrix.data[there]
+    if len(np.unique(place)) == len(place):
+        data[place] = blocks
+    else:
+        np.add.at(data, place, blocks)
     return sp.bsr_array((data, pattern.indices, pattern.indptr), shape=pattern.shape)
-
-
-def responses(problem: ContactProblem) -> tuple[sp.bsr_array, sp.bsr_array, np.ndarray]:
-    """``J`` and ``J D_A^-1`` on one pattern, and the blocks (m, 3, 3) of contacts with themselves."""
-    inverse = inverse_diagonal(problem)
-    response = problem.j @ inverse
-    response.sort_indices()
-    # blocks that only fixed bodies carry may be missing in the product: their velocity still counts
-    keep = sp.bsr_array((np.ones_like(problem.j.data), problem.j.indices, problem.j.indptr), shape=problem.j.shape)
-    union = sp.bsr_array(
-        keep + sp.bsr_array((np.ones_like(response.data), response.indices, response.indptr), shape=response.shape)
-    )
-    union.sort_indices()
-    return on_pattern(problem.j, union), on_pattern(response, union), contact_blocks(problem.j, response)

@@ -27,6 +27,7 @@ SOLVE_ONE_CONTACT = """
             const double c1 = w1 * b[0] * wn - b[1], c2 = w2 * b[0] * wn - b[2];
             const double trace = s11 + s22, size = sqrt(c1 * c1 + c2 * c2);
             double x = 0.0, y = 0.0, n = -b[0] * wn, s = 0.0, low = 0.0, high = -1.0, len = 0.0;
+            bool last = false;
             if (size > 0.0) {
                 double det = s11 * s22 - s12 * s12;
                 if (det > 1e-14 * trace * trace) {
@@ -47,7 +48,9 @@ SOLVE_ONE_CONTACT = """
                     len = sqrt(x * x + y * y);
                     const double f = len - mu * n;
                     if (f > 0.0) low = s; else high = s;
-                    if (fabs(f) <= 1e-15 * (len + mu * fabs(n))) break;
+                    const double part = fabs(f) / (len + mu * fabs(n));
+                    if (part <= 1e-15 || last) break;
+                    last = part <= 1e-8;  // one more step, which squares it
                     const double dx = -(d22 * x - s12 * y) * det, dy = -(d11 * y - s12 * x) * det;
                     const double slope = (x * dx + y * dy) / len + mu * wn * (w1 * dx + w2 * dy);
                     double next = s - f / slope;
