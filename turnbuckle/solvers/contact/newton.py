@@ -39,6 +39,8 @@ SMALL = 500  # blocks and contacts below which one thread does all
 SLOW = 0.5  # multipliers that gain less a round make the penalty grow
 GROWTH = 3.0
 LARGEST = 1e4  # the largest SCALE
+WORSE = 2.0  # a step after which the gradient is larger by this is looked at again
+LEAST = 1e-3  # the shortest part of a step
 
 
 @dataclass
@@ -119,9 +121,9 @@ class NewtonSolver:
                     break
             if errors.gradient <= 0.03 * tolerance:
                 continue
-            cg += self._newton_step()
+            tries, errors = self._newton_step(errors)
+            cg += tries
             newton += 1
-            errors = self._evaluate()
             if not np.isfinite(errors.worst):
                 message = "velocities are no longer finite numbers"
                 break
@@ -142,26 +144,39 @@ class NewtonSolver:
             gradient = self.rows.remove()
         return Errors(gradient, float(values[kernels.PRIMAL]), float(values[kernels.SHIFT]))
 
-    def _newton_step(self) -> int:
-        """One step with backtracking; iterations of conjugate gradients."""
-        self._run("start")
+    def _newton_step(self, before: Errors) -> tuple[int, Errors]:
+        """One step, shortened where it must be; iterations of conjugate gradients, and the errors after it."""
+        self._run("newton")
         scalars = host(self.buffers.scalars)
         while scalars[kernels.DONE] == 0.0:
             self._run("iterate")
             scalars = host(self.buffers.scalars)
         tries = int(scalars[kernels.TRIES])
-        before = self._merit()
+        self._go("v", 1.0)
+        after = self._evaluate()
+        if after.gradient > WORSE * before.gradient or not np.isfinite(after.gradient):
+            self._go("v", -1.0)
+            self._evaluate()
+            length = self._shortened()
+            self._go("v", length)
+            after = self._evaluate()
+        return tries, after
+
+    def _shortened(self) -> float:
+        """The part of the step that makes the augmented Lagrangian smaller."""
+        before, slope = self._merit("v"), self._slope()
         length = 1.0
-        slope = self._slope()
-        while length > 1e-3:
-            scalars[kernels.ALPHA] = length
-            self.buffers.write("scalars", scalars)
-            self._run("move")
+        while length > LEAST:
+            self._go("trial", length)
             if self._merit("trial") <= before + 1e-4 * length * slope + 1e-13 * abs(before):
                 break
             length *= 0.5
-        self._run("accept")
-        return tries
+        return length
+
+    def _go(self, to: str, length: float) -> None:
+        """v + length dv into ``to``."""
+        self.buffers.write("length", np.array([length]))
+        self._run(f"move_{to}")
 
     def _merit(self, at: str = "v") -> float:
         self._run(f"merit_{at}")
@@ -214,18 +229,19 @@ class NewtonSolver:
             apply, *project, rz,
             (k.next_direction, [t, b.sums, CG_LIMIT, b.scalars], 1),
         ]  # fmt: skip
+        batch = BATCH if self.rows is None else 1
         self._programs = {
             "begin": program((k.local_inverses, [t, s, *matrix, b.local], t), penalties),
             "penalties": program(penalties),
             "evaluate": program(forces, slope, invert, (k.largest, [t, b.errors, b.scalars], 1),
                                 (k.wanted_shift, [*contact, b.v, b.mu, b.y], t)),
             "update": program((k.update_multipliers, [*contact, b.v, b.mu, b.r, b.shift, b.multiplier], t)),
-            "start": program((k.begin_gradients, [t, s, b.g, b.residual, b.dv], t), apply, *project, rz,
-                             (k.first_direction, [t, b.sums, FORCING, b.scalars], 1)),
-            "iterate": program(*(iteration * (BATCH if self.rows is None else 1))),
+            "newton": program((k.begin_gradients, [t, s, b.g, b.residual, b.dv], t), apply, *project, rz,
+                              (k.first_direction, [t, b.sums, FORCING, b.scalars], 1), *(iteration * batch)),
+            "iterate": program(*(iteration * batch)),
             "slope": program((k.dot, [t, s, b.g, b.dv, b.sums], t)),
-            "move": program((k.move, [t, s, b.scalars, b.v, b.dv, b.trial], t)),
-            "accept": program((k.move, [t, s, b.scalars, b.v, b.dv, b.v], t)),
+            "move_trial": program((k.move, [t, s, b.length, b.v, b.dv, b.trial], t)),
+            "move_v": program((k.move, [t, s, b.length, b.v, b.dv, b.v], t)),
             **{
                 f"merit_{at}": program(
                     (k.merit, [*contact, getattr(b, at), b.floor, b.mu, b.rho, b.shift, b.multiplier, b.contact_sums], t),

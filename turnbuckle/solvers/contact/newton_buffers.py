@@ -21,6 +21,7 @@ class Buffers:
         self.sizes = wp.zeros(2, dtype=int, device=device)
         self.scalars = wp.zeros(SCALARS, dtype=real, device=device)
         self.scale = wp.zeros(1, dtype=real, device=device)
+        self.length = wp.zeros(1, dtype=real, device=device)
         self._arrays: dict[str, wp.array] = {}
 
     def __getattr__(self, name: str) -> wp.array:

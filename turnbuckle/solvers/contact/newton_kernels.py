@@ -64,10 +64,12 @@ def cone_derivative(s: wp.vec3d, mu: real) -> wp.mat33d:
         return wp.mat33d()
     one = real(1.0)
     k = one / (one + mu * mu)
-    a, b = real(0.0), real(0.0)
+    a = real(0.0)
+    b = real(0.0)
     bend = real(0.0)
     if t > real(0.0):
-        a, b = s[1] / t, s[2] / t
+        a = s[1] / t
+        b = s[2] / t
         bend = mu * (s[0] + mu * t) * k / t
     m = mu * k
     return wp.mat33d(
@@ -85,7 +87,8 @@ def contact_forces(begin: int, tiles: int, sizes: wp.array(dtype=int), offsets: 
                    r_out: wp.array(dtype=wp.vec3d), d_out: wp.array(dtype=wp.mat33d), errors_out: wp.array2d(dtype=real)):  # fmt: skip
     """r and D of each contact, and the largest errors of multipliers and shifts in the tile."""
     tile = begin + wp.tid()
-    primal, wrong = real(0.0), real(0.0)
+    primal = real(0.0)
+    wrong = real(0.0)
     for c in range(place(tile, tiles, sizes[CONTACTS]), place(tile + 1, tiles, sizes[CONTACTS])):
         u = relative(c, offsets, columns, j, v)
         w = u
@@ -115,47 +118,94 @@ def update_multipliers(begin: int, tiles: int, sizes: wp.array(dtype=int), offse
             shift_out[c] = mu[c] * wp.sqrt(u[1] * u[1] + u[2] * u[2])
 
 
+@wp.func_native(
+    """
+    const double* aa = (const double*)a.data;
+    const double* jj = (const double*)j.data;
+    const double* dd = (const double*)d.data;
+    const double* rr = (const double*)r.data;
+    const double* vv = (const double*)v.data;
+    const double* ff = (const double*)free.data;
+    double worst = 0.0;
+    for (int i = first; i < last; ++i) {
+        const int other = partner.data[i];
+        double g[3], h[9], off[9];
+        for (int k = 0; k < 3; ++k) g[k] = -((const double*)load.data)[3 * (size_t)i + k];
+        for (int k = 0; k < 9; ++k) h[k] = off[k] = 0.0;
+        for (int e = starts.data[i]; e < starts.data[i + 1]; ++e) {
+            const double* b = aa + 9 * (size_t)e;
+            const int c = others.data[e];
+            const double* x = vv + 3 * (size_t)c;
+            const double* y = ff + 3 * (size_t)c;
+            const double u0 = x[0] - y[0], u1 = x[1] - y[1], u2 = x[2] - y[2];
+            g[0] += b[0] * u0 + b[1] * u1 + b[2] * u2;
+            g[1] += b[3] * u0 + b[4] * u1 + b[5] * u2;
+            g[2] += b[6] * u0 + b[7] * u1 + b[8] * u2;
+            if (c == i) for (int k = 0; k < 9; ++k) h[k] += b[k];
+            else if (c == other) for (int k = 0; k < 9; ++k) off[k] += b[k];
+        }
+        for (int q = t_offsets.data[i]; q < t_offsets.data[i + 1]; ++q) {
+            const int e = t_entries.data[q], c = t_contacts.data[q];
+            const double* b = jj + 9 * (size_t)e;
+            const double* m = dd + 9 * (size_t)c;
+            const double* w = rr + 3 * (size_t)c;
+            for (int k = 0; k < 3; ++k) g[k] -= b[k] * w[0] + b[3 + k] * w[1] + b[6 + k] * w[2];
+            if (m[0] == 0.0) continue;  // a contact that does not touch
+            double mb[9];  // D J
+            for (int k = 0; k < 3; ++k)
+                for (int l = 0; l < 3; ++l) mb[3 * k + l] = m[3 * k] * b[l] + m[3 * k + 1] * b[3 + l] + m[3 * k + 2] * b[6 + l];
+            for (int k = 0; k < 3; ++k)
+                for (int l = 0; l < 3; ++l) h[3 * k + l] += b[k] * mb[l] + b[3 + k] * mb[3 + l] + b[6 + k] * mb[6 + l];
+            if (other >= 0) {  // the entry of the other half of a rigid body stands next to this one in the row
+                const double* o = other > i ? b + 9 : b - 9;
+                double mo[9];
+                for (int k = 0; k < 3; ++k)
+                    for (int l = 0; l < 3; ++l) mo[3 * k + l] = m[3 * k] * o[l] + m[3 * k + 1] * o[3 + l] + m[3 * k + 2] * o[6 + l];
+                for (int k = 0; k < 3; ++k)
+                    for (int l = 0; l < 3; ++l) off[3 * k + l] += b[k] * mo[l] + b[3 + k] * mo[3 + l] + b[6 + k] * mo[6 + l];
+            }
+        }
+        if (fixed.data[i]) g[0] = g[1] = g[2] = 0.0;
+        double* go = (double*)g_out.data + 3 * (size_t)i;
+        double* ho = (double*)diagonal_out.data + 9 * (size_t)i;
+        double* oo = (double*)coupled_out.data + 9 * (size_t)i;
+        for (int k = 0; k < 3; ++k) go[k] = g[k];
+        for (int k = 0; k < 9; ++k) { ho[k] = h[k]; oo[k] = off[k]; }
+        const double* l = (const double*)local.data + 9 * (size_t)i;
+        double square = 0.0;
+        for (int k = 0; k < 3; ++k) {
+            const double u = l[3 * k] * g[0] + l[3 * k + 1] * g[1] + l[3 * k + 2] * g[2];
+            square += u * u;
+        }
+        if (square > worst || square != square) worst = square;
+    }
+    return worst < 1e300 ? sqrt(worst) : 1e300;
+"""
+)
+def gradient_of(first: int, last: int, starts: wp.array(dtype=int), others: wp.array(dtype=int),
+                a: wp.array(dtype=wp.mat33d), t_offsets: wp.array(dtype=int), t_entries: wp.array(dtype=int),
+                t_contacts: wp.array(dtype=int), j: wp.array(dtype=wp.mat33d), fixed: wp.array(dtype=wp.uint8),
+                v: wp.array(dtype=wp.vec3d), free: wp.array(dtype=wp.vec3d), load: wp.array(dtype=wp.vec3d),
+                r: wp.array(dtype=wp.vec3d), d: wp.array(dtype=wp.mat33d), local: wp.array(dtype=wp.mat33d),
+                partner: wp.array(dtype=int), g_out: wp.array(dtype=wp.vec3d), diagonal_out: wp.array(dtype=wp.mat33d),
+                coupled_out: wp.array(dtype=wp.mat33d)) -> wp.float64: ...  # fmt: skip
+
+
 @wp.kernel
 def gradient(begin: int, tiles: int, sizes: wp.array(dtype=int), starts: wp.array(dtype=int), others: wp.array(dtype=int),
              a: wp.array(dtype=wp.mat33d), t_offsets: wp.array(dtype=int), t_entries: wp.array(dtype=int),
              t_contacts: wp.array(dtype=int), j: wp.array(dtype=wp.mat33d), fixed: wp.array(dtype=wp.uint8),
              v: wp.array(dtype=wp.vec3d), free: wp.array(dtype=wp.vec3d), load: wp.array(dtype=wp.vec3d),
-             r: wp.array(dtype=wp.vec3d), d: wp.array(dtype=wp.mat33d), local: wp.array(dtype=wp.mat33d), partner: wp.array(dtype=int),
-             g_out: wp.array(dtype=wp.vec3d), diagonal_out: wp.array(dtype=wp.mat33d),
+             r: wp.array(dtype=wp.vec3d), d: wp.array(dtype=wp.mat33d), local: wp.array(dtype=wp.mat33d),
+             partner: wp.array(dtype=int), g_out: wp.array(dtype=wp.vec3d), diagonal_out: wp.array(dtype=wp.mat33d),
              coupled_out: wp.array(dtype=wp.mat33d), errors_out: wp.array2d(dtype=real)):  # fmt: skip
     """g = A (v - v*) - load - J^T r, and the blocks of A + J^T D J: on the diagonal, and to the other half of a rigid body."""
     tile = begin + wp.tid()
-    worst = real(0.0)
-    for i in range(place(tile, tiles, sizes[BLOCKS]), place(tile + 1, tiles, sizes[BLOCKS])):
-        g = -load[i]
-        h = wp.mat33d()
-        off = wp.mat33d()
-        p = partner[i]
-        for e in range(starts[i], starts[i + 1]):
-            k = others[e]
-            g += a[e] * (v[k] - free[k])
-            if k == i:
-                h += a[e]
-            elif k == p:
-                off += a[e]
-        for q in range(t_offsets[i], t_offsets[i + 1]):
-            e = t_entries[q]
-            c = t_contacts[q]
-            jt = wp.transpose(j[e])
-            g -= jt * r[c]
-            jd = jt * d[c]
-            h += jd * j[e]
-            if p > i:  # the entry of the other half stands next to this one in the row
-                off += jd * j[e + 1]
-            elif p >= 0:
-                off += jd * j[e - 1]
-        if fixed[i] != wp.uint8(0):
-            g = wp.vec3d()
-        g_out[i] = g
-        diagonal_out[i] = h
-        coupled_out[i] = off
-        worst = wp.max(worst, wp.length(local[i] * g))
-    errors_out[2, tile] = worst
+    count = sizes[BLOCKS]
+    errors_out[2, tile] = gradient_of(
+        place(tile, tiles, count), place(tile + 1, tiles, count), starts, others, a, t_offsets, t_entries, t_contacts,
+        j, fixed, v, free, load, r, d, local, partner, g_out, diagonal_out, coupled_out,
+    )  # fmt: skip
 
 
 @wp.kernel
@@ -178,7 +228,9 @@ def invert_blocks(begin: int, tiles: int, sizes: wp.array(dtype=int), partner: w
 @wp.kernel
 def largest(begin: int, tiles: int, errors: wp.array2d(dtype=real), scalars_out: wp.array(dtype=real)):
     """The errors of all tiles, as three numbers."""
-    primal, shift, g = real(0.0), real(0.0), real(0.0)
+    primal = real(0.0)
+    shift = real(0.0)
+    g = real(0.0)
     for tile in range(tiles):
         primal = wp.max(primal, errors[0, tile])
         shift = wp.max(shift, errors[1, tile])
@@ -433,12 +485,12 @@ def inertia_merit(begin: int, tiles: int, sizes: wp.array(dtype=int), starts: wp
 
 
 @wp.kernel
-def move(begin: int, tiles: int, sizes: wp.array(dtype=int), scalars: wp.array(dtype=real), v: wp.array(dtype=wp.vec3d),
+def move(begin: int, tiles: int, sizes: wp.array(dtype=int), length: wp.array(dtype=real), v: wp.array(dtype=wp.vec3d),
          dv: wp.array(dtype=wp.vec3d), v_out: wp.array(dtype=wp.vec3d)):  # fmt: skip
-    """v_out = v + alpha dv, alpha in the place of the step length."""
+    """v_out = v + length dv."""
     tile = begin + wp.tid()
     for i in range(place(tile, tiles, sizes[BLOCKS]), place(tile + 1, tiles, sizes[BLOCKS])):
-        v_out[i] = v[i] + scalars[ALPHA] * dv[i]
+        v_out[i] = v[i] + length[0] * dv[i]
 
 
 @wp.kernel
