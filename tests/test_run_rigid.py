@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 import turnbuckle
 from turnbuckle.cli.app import app
 from turnbuckle.io import read_recording
+from turnbuckle.scene.check import check
 
 
 @pytest.mark.parametrize("make", [chain, mixed], ids=["rigid", "mixed"])
@@ -53,7 +54,9 @@ def test_report_of_a_run(tmp_path: Path) -> None:
 
 def test_the_command(tmp_path: Path) -> None:
     chain(3).save(tmp_path / "chain.yaml")
-    shown = CliRunner().invoke(app, ["check", str(tmp_path / "chain.yaml"), "--set", "constraints.j1.local_pos0=[0.1,0,0]"])
+    shown = CliRunner().invoke(
+        app, ["check", str(tmp_path / "chain.yaml"), "--set", "constraints.j1.local_pos0=[0.1,0,0]"]
+    )
     assert shown.exit_code == 2 and "anchor" in shown.output
     shown = CliRunner().invoke(app, ["check", str(tmp_path / "chain.yaml"), "--set", "bodies.b0.position=[0.1,0,0.2]"])
     assert shown.exit_code == 0, shown.output
@@ -108,10 +111,31 @@ def test_the_schema_knows_rigid_bodies_and_joints() -> None:
     schema = json.loads(CliRunner().invoke(app, ["schema"]).output)
     text = json.dumps(schema)
     names = schema["$defs"]
-    for name in ("RigidDef", "JointDef", "RevoluteDef", "RollingDef", "MotorDef", "TrajectoryDef", "CurveDef", "CoatingDef"):
+    for name in (
+        "RigidDef",
+        "JointDef",
+        "RevoluteDef",
+        "RollingDef",
+        "MotorDef",
+        "TrajectoryDef",
+        "CurveDef",
+        "CoatingDef",
+    ):
         assert name in names, name
         for field, value in names[name]["properties"].items():
             assert field == "type" or value.get("description"), f"{name}.{field}"
     assert "callable" not in text.lower() or "Python" in text
     assert names["RevoluteDef"]["properties"]["type"]["const"] == "revolute"
     assert "solver" in schema["properties"] and "max_rotation" in schema["properties"]
+
+
+def test_joints_that_start_open_are_told_with_the_way_out() -> None:
+    ends = {"local_pos0": [0.1, 0, 0], "local_pos1": [-0.1, 0, 0]}
+    joint = {"type": "ball", "name": "gap", "body0": "a", "body1": "b", **ends}
+    bodies = [box("a", [0, 0, 0]), box("b", [0.2, 0, 0.02])]
+    scene = turnbuckle.Scene("open", dt=1e-3, duration=0.002, bodies=bodies, constraints=[joint])
+    result = turnbuckle.run_scene(scene)
+    assert result.messages == check(scene)
+    assert "'gap' by 0.02 m" in result.messages[0] and "turnbuckle assemble" in result.messages[0]
+    assert result.messages[0] in result.certificate()
+    assert turnbuckle.run_scene(chain(2, duration=0.002)).messages == []

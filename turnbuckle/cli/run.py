@@ -21,7 +21,7 @@ def run(
     ] = None,
     out: Annotated[
         list[Path] | None,
-        typer.Option(metavar="FILE", help="Write .npz, .vtkhdf, .usdc, .png or .mp4; may be repeated."),
+        typer.Option(metavar="FILE", help="Write .npz, .vtkhdf, .usdc, .png, .gif or .mp4; may be repeated."),
     ] = None,
     report: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write the report as JSON.")] = None,
     checkpoint: Annotated[Path | None, typer.Option(metavar="FILE", help="Save the state as the run goes.")] = None,

@@ -26,6 +26,10 @@ def fingerprint(model: Model) -> dict[str, Any]:
         "rigid motion": model.rigid_motion,
         "forces": [f.name for f in model.fields],
         "forces on rigid bodies": [f.name for f in model.rigid_fields],
+        "expressions of forces": [_text(f.force) for f in model.fields],
+        "expressions of forces and torques on rigid bodies": [
+            [_text(f.force), _text(f.torque)] for f in model.rigid_fields
+        ],
         "masses": _digest([model.mass]),
         "rest positions": _digest([model.rest]),
         "spring data": _digest(springs),
@@ -34,6 +38,12 @@ def fingerprint(model: Model) -> dict[str, Any]:
         "data of rigid bodies": _digest(_rigid(model.rigid)),
         "places of forces on rigid bodies": _digest([a for f in model.rigid_fields for a in (f.bodies, f.at)]),
     }
+
+
+def _text(force: object) -> list[str] | None:
+    """What a force field was written as; None for a Python function, which its name alone tells apart, and for none."""
+    texts = getattr(force, "texts", None)
+    return None if texts is None else list(texts)
 
 
 def _rigid(bodies: RigidBodies) -> list[np.ndarray]:
@@ -46,7 +56,7 @@ def _rigid(bodies: RigidBodies) -> list[np.ndarray]:
 def difference(saved: dict[str, Any], here: dict[str, Any]) -> str | None:
     """In words, the first thing in which two fingerprints differ."""
     for name, value in here.items():
-        if saved.get(name) != value:
+        if name in saved and saved[name] != value:  # an older checkpoint holds less
             if name.startswith(("masses", "rest", "spring d", "tetrahedron d", "points u", "data", "places")):
                 return f"its {name} differ"
             return f"its {name}: {saved.get(name)}, here: {value}"

@@ -15,6 +15,7 @@ from turnbuckle.run.result import RunResult
 from turnbuckle.run.saving import Saver
 from turnbuckle.run.schedule import Schedule, make_schedule
 from turnbuckle.run.tally import Tally, versions
+from turnbuckle.scene.check_rigid import rigid_warnings
 from turnbuckle.scene.scene import Scene
 from turnbuckle.step.simulation import Simulation
 
@@ -51,7 +52,8 @@ def run(
     ``checkpoint``: the whole state, at the end and after ``every`` steps (half a minute of wall time when left out);
     ``resume``: a checkpoint to go on from, up to ``duration`` in all. The rest of a resumed run has the bits of a run
     that never stopped; its recordings begin where it was resumed, beside older ones, and its report covers the steps
-    since. ``progress(simulated s, duration s, steps, worst residual m)`` is called after each step, and so is
+    since. What `turnbuckle check` says of joints that start open is among its messages.
+    ``progress(simulated s, duration s, steps, worst residual m)`` is called after each step, and so is
     ``stop(simulation, step report)``, which may change the simulation and ends the run by returning True.
 
     A step that fails ends the run: the report says "failed" and why, everything recorded stays. Raises `InputError`
@@ -70,7 +72,9 @@ def run(
     simulation = Simulation(scene, device)
     state = simulation.state
     tally = Tally(simulation.model)
-    if resume is not None:
+    if resume is None:
+        tally.result.messages += rigid_warnings(simulation.model, state)
+    else:
         load(resume, simulation.model, state)
         paths = [fresh_name(path, state.steps) for path in paths]
         if paths:

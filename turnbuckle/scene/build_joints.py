@@ -19,7 +19,9 @@ from turnbuckle.geometry.surface_domain import Surface
 from turnbuckle.meshes.read import SurfaceMesh, read_mesh
 from turnbuckle.scene.definitions import BodyPairDef, JointDef, NamedJointDef, RollingDef
 from turnbuckle.scene.joint_definitions import AngleDef, CurveDef, SoftDef, SurfaceDef, TwistDef
+from turnbuckle.scene.joint_problems import NOT_FREE, NOT_RIGID
 from turnbuckle.scene.named_joints import perpendicular
+from turnbuckle.scene.suggestion import did_you_mean
 
 Row = dict[str, object]
 STRAIGHT = 1e-12  # [rad], an angle this near to 0 or pi is that
@@ -39,7 +41,8 @@ def add_joints(model: Model, state: State, definitions: Sequence[BodyPairDef], f
     for d in definitions:
         if d.name in state.joints or d.name in state.groups:
             raise InputError(f"there is a constraint '{d.name}' already; remove it or take another name")
-    builder = JointBuilder(model.rigid, state.rigid.x.numpy(), state.rigid.q.numpy(), folder)
+    known = [shape.name for shape in model.shapes]
+    builder = JointBuilder(model.rigid, state.rigid.x.numpy(), state.rigid.q.numpy(), folder, known)
     state.parts = builder.add(definitions, state.joints, state.parts, state.domains)
     state.layout += 1
 
@@ -53,8 +56,11 @@ def remove_joint(state: State, name: str) -> None:
 class JointBuilder:
     """Makes joints for bodies as they are now: ``x`` (n, 3), ``q`` (n, 4 xyzw) of the inertial frames."""
 
-    def __init__(self, bodies: RigidBodies, x: np.ndarray, q: np.ndarray, folder: Path) -> None:
-        self.bodies, self.x, self.q, self.folder = bodies, x, q, folder
+    def __init__(
+        self, bodies: RigidBodies, x: np.ndarray, q: np.ndarray, folder: Path, known: Sequence[str] = ()
+    ) -> None:
+        """``known``: names of all bodies of the scene, for messages."""
+        self.bodies, self.x, self.q, self.folder, self.known = bodies, x, q, folder, known
         self.number = {name: i for i, name in enumerate(bodies.names) if i > 0}
 
     def add(
@@ -94,9 +100,9 @@ class JointBuilder:
         if name is None:
             return 0
         if name not in self.number:
-            raise InputError(
-                f"'{name}' is no rigid body; joints join rigid bodies, points are joined by point constraints"
-            )
+            if name in self.known:
+                raise InputError(f"'{name}' {NOT_RIGID}")
+            raise InputError(f"there is no body '{name}'{did_you_mean(name, self.known or self.number)}")
         return self.number[name]
 
     # Frames --------------------------------------------------------------------------------------------------------
@@ -123,7 +129,7 @@ class JointBuilder:
     def _parts(self, d: BodyPairDef, domains: list[Domain]) -> list[Row]:
         a, b = self._body(d.body1), self._body(d.body0)
         if self.bodies.motion[a] != rigid.DYNAMIC and self.bodies.motion[b] != rigid.DYNAMIC:
-            raise InputError("neither of its bodies is dynamic; one of them must be free to move")
+            raise InputError(NOT_FREE)
         x_a, to_a = self._frame(a)
         x_b, to_b = self._frame(b)
         if isinstance(d, RollingDef):

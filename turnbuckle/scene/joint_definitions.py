@@ -17,7 +17,7 @@ from pydantic.json_schema import SkipJsonSchema
 
 from turnbuckle.scene.base_definition import Definition, exactly_one, problem
 from turnbuckle.scene.body_definitions import MESH, _check_indices
-from turnbuckle.scene.constraint_definitions import ConstraintBase
+from turnbuckle.scene.constraint_definitions import ConstraintBase, RampDef
 from turnbuckle.scene.fields import Flag, MeshPath, Name, NonNegative, Number, Positions, Positive, Triangles, Vec3
 
 PERPENDICULAR = 1e-6  # [rad], how far from perpendicular a twist vector may be to its axis before it is refused
@@ -41,9 +41,10 @@ class SoftDef(Definition):
         return self.stiffness is not None or self.damping is not None
 
 
-def _ordered(low: float | None, high: float | None) -> None:
+def ordered(low: float | None, high: float | None, names: tuple[str, str] = ("min", "max")) -> None:
+    """Refuse a range that is empty."""
     if low is not None and high is not None and low > high:
-        raise problem(f"min {low:g} is above max {high:g}", "max")
+        raise problem(f"{names[0]} {low:g} is above {names[1]} {high:g}", names[1])
 
 
 class AxialDef(SoftDef):
@@ -56,7 +57,7 @@ class AxialDef(SoftDef):
     @model_validator(mode="after")
     def _check(self) -> AxialDef:
         unit(self.axis, "axis")
-        _ordered(self.min, self.max)
+        ordered(self.min, self.max)
         return self
 
 
@@ -70,7 +71,7 @@ class PlanarDef(SoftDef):
     @model_validator(mode="after")
     def _check(self) -> PlanarDef:
         unit(self.normal, "normal")
-        _ordered(self.min, self.max)
+        ordered(self.min, self.max)
         return self
 
 
@@ -82,7 +83,7 @@ class SphereDomainDef(SoftDef):
 
     @model_validator(mode="after")
     def _check(self) -> SphereDomainDef:
-        _ordered(self.min, self.max)
+        ordered(self.min, self.max)
         return self
 
 
@@ -129,7 +130,7 @@ class AngleDef(SoftDef):
     def _check(self) -> AngleDef:
         unit(self.axis0, "axis0")
         unit(self.axis1, "axis1")
-        _ordered(self.min, self.max)
+        ordered(self.min, self.max)
         if self.min > math.pi:
             raise problem("no angle between two directions is above pi", "min")
         return self
@@ -149,7 +150,7 @@ class TwistDef(SoftDef):
     def _check(self) -> TwistDef:
         unit(self.vector0, "vector0")
         unit(self.vector1, "vector1")
-        _ordered(self.min, self.max)
+        ordered(self.min, self.max)
         return self
 
 
@@ -176,6 +177,7 @@ class BodyPairDef(ConstraintBase):
     local_pos0: Vec3 | None = Field(default=None, description="The joint's place in body0's frame [m].")
     local_pos1: Vec3 | None = Field(default=None, description="The joint's place in body1's frame [m].")
     anchor: Vec3 | None = Field(default=None, description="In place of both: the place in the world at the start [m].")
+    ramp: SkipJsonSchema[RampDef | None] = Field(default=None, description="Not for joints, see assemble [steps].")
     break_torque: Positive | None = Field(default=None, description="Switched off for good above this torque [N m].")
     restitution: NonNegative = Field(default=0.0, le=1.0, description="Part of the speed kept at a limit [1].")
     mu: Positive | None = Field(

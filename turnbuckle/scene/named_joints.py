@@ -5,13 +5,14 @@ Axes are in body0's frame; body1's axis is the one that lies on it at the start.
 
 from __future__ import annotations
 
+import math
 from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 from scipy.spatial.transform import Rotation
 
-from turnbuckle.scene.base_definition import problem
+from turnbuckle.scene.base_definition import Definition, problem
 from turnbuckle.scene.fields import NonNegative, Number, Positive, Vec3
 from turnbuckle.scene.joint_definitions import (
     AngleDef,
@@ -22,8 +23,11 @@ from turnbuckle.scene.joint_definitions import (
     PlanarDef,
     SphereDomainDef,
     TwistDef,
+    ordered,
     unit,
 )
+
+ROUNDING = 1e-9  # [rad]; pi itself, written with a few digits, is no mistake
 
 
 def perpendicular(axis: np.ndarray) -> np.ndarray:
@@ -88,13 +92,52 @@ class AxisJointDef(NamedJointDef):
         )
 
 
-class RevoluteDef(AxisJointDef):
+class TurnLimitsDef(Definition):
+    """Limits of a rotation from the start, which lies within half a turn: all that is above limits nothing."""
+
+    lower_limit: Number | None = Field(default=None, description="Least rotation from the start, at least -pi [rad].")
+    upper_limit: Number | None = Field(default=None, description="Largest rotation from the start, at most pi [rad].")
+
+    @model_validator(mode="after")
+    def _check_limits(self) -> TurnLimitsDef:
+        ordered(self.lower_limit, self.upper_limit, ("lower_limit", "upper_limit"))
+        for name in ("lower_limit", "upper_limit"):
+            limit = getattr(self, name)
+            if limit is not None and abs(limit) > math.pi + ROUNDING:
+                raise problem(
+                    f"a rotation of {limit:g} rad from the start is outside of -pi to pi; give less than half a turn, or no "
+                    "limit (angles are in rad)", name,
+                )  # fmt: skip
+        return self
+
+
+class PlaceLimitsDef(Definition):
+    """Limits of a place along the axis."""
+
+    lower_limit: Number | None = Field(default=None, description="Lowest place along the axis [m].")
+    upper_limit: Number | None = Field(default=None, description="Highest place along the axis [m].")
+
+    @model_validator(mode="after")
+    def _check_limits(self) -> PlaceLimitsDef:
+        ordered(self.lower_limit, self.upper_limit, ("lower_limit", "upper_limit"))
+        return self
+
+
+def _check_motor(motor: MotorDef | None, on: str, kind: str) -> None:
+    if motor is not None and motor.on != on:
+        raise problem(f"the motor of a {kind} joint drives its {on}, not {motor.on}; write on: {on}", "motor", "on")
+
+
+class RevoluteDef(TurnLimitsDef, AxisJointDef):
     """Rotation about one axis."""
 
     type: Literal["revolute"] = "revolute"
-    lower_limit: Number | None = Field(default=None, description="Least rotation from the start, at least -pi [rad].")
-    upper_limit: Number | None = Field(default=None, description="Largest rotation from the start, at most pi [rad].")
     motor: MotorDef | None = Field(default=None, description="Drives the rotation (on: twist) [motor].")
+
+    @model_validator(mode="after")
+    def _check_drive(self) -> RevoluteDef:
+        _check_motor(self.motor, "twist", "revolute")
+        return self
 
     def as_general(self, to_body1: Rotation) -> JointDef:
         parts: dict[str, Any] = {"angle": self._angle(to_body1, 0.0, 0.0)}
@@ -115,25 +158,26 @@ class UniversalDef(NamedJointDef):
         return self.general(to_body1, angle=AngleDef(axis0=self.axis0, axis1=self.axis1, min=half, max=half))
 
 
-class PrismaticDef(AxisJointDef):
+class PrismaticDef(PlaceLimitsDef, AxisJointDef):
     """Translation along one axis, no rotation."""
 
     type: Literal["prismatic"] = "prismatic"
-    lower_limit: Number | None = Field(default=None, description="Lowest place along the axis [m].")
-    upper_limit: Number | None = Field(default=None, description="Highest place along the axis [m].")
     motor: MotorDef | None = Field(default=None, description="Drives the translation (on: axial) [motor].")
+
+    @model_validator(mode="after")
+    def _check_drive(self) -> PrismaticDef:
+        _check_motor(self.motor, "axial", "prismatic")
+        return self
 
     def as_general(self, to_body1: Rotation) -> JointDef:
         axial = AxialDef(axis=self.axis, min=self.lower_limit, max=self.upper_limit)
         return self.general(to_body1, axial=axial, motor=self.motor, fixed_rotation=True)
 
 
-class CylindricalDef(AxisJointDef):
+class CylindricalDef(PlaceLimitsDef, AxisJointDef):
     """Translation along one axis and rotation about it."""
 
     type: Literal["cylindrical"] = "cylindrical"
-    lower_limit: Number | None = Field(default=None, description="Lowest place along the axis [m].")
-    upper_limit: Number | None = Field(default=None, description="Highest place along the axis [m].")
 
     def as_general(self, to_body1: Rotation) -> JointDef:
         axial = AxialDef(axis=self.axis, min=self.lower_limit, max=self.upper_limit)
@@ -167,6 +211,11 @@ class DistanceDef(NamedJointDef):
     stiffness: Positive | None = Field(default=None, description="A spring instead of a strict distance [N/m].")
     damping: NonNegative | None = Field(default=None, description="A damper beside it [N s/m].")
 
+    @model_validator(mode="after")
+    def _check_range(self) -> DistanceDef:
+        ordered(self.min, self.max)
+        return self
+
     def as_general(self, to_body1: Rotation) -> JointDef:
         return self.general(
             to_body1,
@@ -174,13 +223,11 @@ class DistanceDef(NamedJointDef):
         )
 
 
-class ConeTwistDef(AxisJointDef):
+class ConeTwistDef(TurnLimitsDef, AxisJointDef):
     """A ball joint of which the axis stays in a cone, with a limited twist: shoulders and hips."""
 
     type: Literal["cone_twist"] = "cone_twist"
     cone: NonNegative = Field(description="Largest angle of body1's axis to body0's [rad].")
-    lower_limit: Number | None = Field(default=None, description="Least twist from the start [rad].")
-    upper_limit: Number | None = Field(default=None, description="Largest twist from the start [rad].")
 
     def as_general(self, to_body1: Rotation) -> JointDef:
         parts: dict[str, Any] = {"angle": self._angle(to_body1, 0.0, self.cone)}
@@ -195,6 +242,11 @@ class PointToRingDef(AxisJointDef):
     type: Literal["point_to_ring"] = "point_to_ring"
     min: NonNegative = Field(default=0.0, description="Inner radius [m].")
     max: NonNegative | None = Field(default=None, description="Outer radius [m].")
+
+    @model_validator(mode="after")
+    def _check_range(self) -> PointToRingDef:
+        ordered(self.min, self.max)
+        return self
 
     def as_general(self, to_body1: Rotation) -> JointDef:
         return self.general(to_body1, planar=PlanarDef(normal=self.axis, min=self.min, max=self.max))

@@ -56,6 +56,12 @@ def write_velocity(model: Model, state: State, b: int, velocity: Any, angular: A
 
 def write_push(model: Model, state: State, b: int, force: Any, torque: Any, at: Any) -> None:
     """Load body ``b``."""
+    if force is None and torque is None:
+        raise InputError(
+            f"push '{model.rigid.names[b]}': give a force or a torque; a force of [0, 0, 0] ends a push that goes on"
+        )
+    if at is not None and force is None:
+        raise InputError(f"push '{model.rigid.names[b]}': 'at' is where a force acts; give the force")
     zero, loads = np.zeros(3), state.loads
     loads.force[b] = zero if force is None else _vector(force, "force")
     loads.torque[b] = zero if torque is None else _vector(torque, "torque")

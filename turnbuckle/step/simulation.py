@@ -106,7 +106,8 @@ class Simulation:
     def push(self, body: str, force: Any = None, torque: Any = None, at: Any = None) -> None:
         """Load a rigid body with a force [N] and torque [N m] in world axes until told otherwise.
 
-        ``at``: where the force acts, in the body's own frame [m]; its centre of mass when left out. What is left out is zero.
+        ``at``: where the force acts, in the body's own frame [m]; its centre of mass when left out. A force or torque left out
+        is zero; a force of zero alone ends the push.
         """
         write_push(self.model, self.state, self._rigid(body), force, torque, at)
 
