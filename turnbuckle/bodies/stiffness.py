@@ -36,7 +36,7 @@ def skew(a: np.ndarray) -> np.ndarray:
     return np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
 
 
-def _to_corners(local: np.ndarray, vectors: int) -> np.ndarray:
+def to_corners(local: np.ndarray, vectors: int) -> np.ndarray:
     """Matrices over edge vectors from corner 0 -> matrices over corners, (n, 3v, 3v) -> (n, 3v+3, 3v+3)."""
     t = np.hstack([-np.tile(np.eye(3), (vectors, 1)), np.eye(3 * vectors)])
     return np.einsum("ia,nij,jb->nab", t, local, t, optimize=True)
@@ -49,7 +49,7 @@ def distances(points: np.ndarray, rest: np.ndarray, k: np.ndarray, k_d: np.ndarr
     n = d / length[:, None]
     h = (np.eye(3) - n[:, :, None] * n[:, None, :]) / (length * rest)[:, None, None]
     gradient = n / rest[:, None]
-    return Gradients(points, k, k_d, length / rest - 1.0, np.hstack([-gradient, gradient]), _to_corners(h, 1))
+    return Gradients(points, k, k_d, length / rest - 1.0, np.hstack([-gradient, gradient]), to_corners(h, 1))
 
 
 def areas(points: np.ndarray, rest: np.ndarray, k: np.ndarray, k_d: np.ndarray, x: np.ndarray) -> Gradients:
@@ -68,7 +68,7 @@ def areas(points: np.ndarray, rest: np.ndarray, k: np.ndarray, k_d: np.ndarray, 
     scale = 0.5 / rest
     gradient = row * scale[:, None]
     full = np.hstack([-gradient[:, :3] - gradient[:, 3:], gradient])
-    return Gradients(points, k, k_d, length * scale - 1.0, full, _to_corners(h * scale[:, None, None], 2))
+    return Gradients(points, k, k_d, length * scale - 1.0, full, to_corners(h * scale[:, None, None], 2))
 
 
 def volumes(points: np.ndarray, rest: np.ndarray, k: np.ndarray, k_d: np.ndarray, x: np.ndarray) -> Gradients:
@@ -82,7 +82,7 @@ def volumes(points: np.ndarray, rest: np.ndarray, k: np.ndarray, k_d: np.ndarray
     h[:, 6:9, 0:3], h[:, 6:9, 3:6] = -skew(b), skew(a)
     gradient = np.hstack([-ga - gb - gc, ga, gb, gc]) * scale[:, None]
     strain = np.einsum("ni,ni->n", a, ga) * scale - 1.0
-    return Gradients(points, k, k_d, strain, gradient, _to_corners(h * scale[:, None, None], 3))
+    return Gradients(points, k, k_d, strain, gradient, to_corners(h * scale[:, None, None], 3))
 
 
 def all_elements(model: Model, x: np.ndarray) -> list[Gradients]:

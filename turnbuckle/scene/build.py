@@ -64,6 +64,7 @@ def build(definition: SceneDef, folder: Path, device: str = "cpu") -> tuple[Mode
     kernels = {body.name: body.around for body in written.bodies if isinstance(body, CoatingDef)}
     dressed = dress_coatings(written, shapes, x, folder)
     fields, rigid_fields = _fields(definition.forces, shapes, mass, rigids)
+    hinges, corotational = _hinges(bodies, begins, x), _corotational(bodies, every[elastic], owner[elastic], x)
     model = Model(
         name=definition.name,
         device=device,
@@ -84,14 +85,14 @@ def build(definition: SceneDef, folder: Path, device: str = "cpu") -> tuple[Mode
         displacement=definition.displacement,
         rigid_motion=definition.rigid_motion,
         max_rotation=definition.max_rotation,
-        hinges=_hinges(bodies, begins, x),
-        corotational=_corotational(bodies, every[elastic], owner[elastic], x),
+        hinges=hinges,
+        corotational=corotational,
         strain_limits=_strain_limits(bodies, begins, x),
         scripted=scripted(definition.bodies, [b.motion for b in bodies], shapes),
         surfaces=contact_surfaces(definition, kernels, dressed, x),
         contact=contact_options(definition.contact),
         repairs=tuple(b.repairs for b in bodies if b.repairs),
-        device_arrays=upload(mass, springs, tets, owns_edge, owns_triangle, device),
+        device_arrays=upload(mass, springs, tets, owns_edge, owns_triangle, hinges, corotational, x, device),
     )
     velocity = np.repeat([b.velocity for b in bodies], np.diff(begins), axis=0)
     first_velocities(model.scripted, velocity, definition.dt)

@@ -1,12 +1,14 @@
-"""The constant arrays of a model on its device: springs, blocks of tetrahedra, and who gathers from where."""
+"""The constant arrays of a model on its device: springs, tetrahedra, hinges, and who gathers from where."""
 
 from typing import Any
 
 import numpy as np
 import warp as wp
 
+from turnbuckle.bodies.bending import upload_hinges
+from turnbuckle.bodies.corotational import upload_corotational
 from turnbuckle.bodies.tetrahedra import EDGES, RESTS, TRIANGLES
-from turnbuckle.data.model import Springs, Tetrahedra
+from turnbuckle.data.model import Corotational, Hinges, Springs, Tetrahedra
 from turnbuckle.math.lanes import CPU_LANES, CUDA_LANES, algebra
 
 WINDOW = 160  # tetrahedra that may change places to bring like masks together; small, so that neighbours stay near
@@ -63,9 +65,17 @@ def make_tetrahedra(
 
 
 def upload(
-    mass: np.ndarray, springs: Springs, tets: Tetrahedra, owns_edge: np.ndarray, owns_triangle: np.ndarray, device: str
+    mass: np.ndarray,
+    springs: Springs,
+    tets: Tetrahedra,
+    owns_edge: np.ndarray,
+    owns_triangle: np.ndarray,
+    hinges: Hinges,
+    corotational: Corotational,
+    start: np.ndarray,
+    device: str,
 ) -> dict[str, Any]:
-    """All constant arrays by name (see `turnbuckle.step.recording` for who reads them)."""
+    """All constant arrays by name (see `turnbuckle.step.recording` for who reads them). ``start``: (points, 3) [m]."""
     lanes = CUDA_LANES if wp.get_device(device).is_cuda else CPU_LANES
     order = _blocks(tets.material, _masks(owns_edge, owns_triangle), lanes)
     present = order >= 0
@@ -83,7 +93,10 @@ def upload(
     used = (rest != 0.0).reshape(blocks, lanes, RESTS).any(axis=1)[:, 1:]
     bits = (used * (1 << np.arange(RESTS - 1))).sum(axis=1)
     corners = tets.corners[tet].reshape(blocks, lanes, 4).transpose(0, 2, 1).reshape(4 * blocks, lanes)
-    offsets, slots = _slots(len(mass), springs.pairs, tets.corners, order, lanes)
+    first_hinge = len(springs.pairs) + 4 * lanes * blocks
+    first_corotational = first_hinge + 4 * len(hinges.points)
+    others = np.concatenate([hinges.points, corotational.corners])
+    offsets, slots = _slots(len(mass), springs.pairs, tets.corners, order, lanes, others)
 
     def put(values: np.ndarray, kind: object) -> wp.array:
         return wp.array(np.ascontiguousarray(values), dtype=kind, device=device)
@@ -107,7 +120,11 @@ def upload(
         "block_rest": put(rest.reshape(blocks, lanes, RESTS).transpose(0, 2, 1), scalars),
         "slot_offsets": put(offsets, wp.int32),
         "slots": put(slots, wp.int32),
-        "slots_total": len(springs.pairs) + 4 * lanes * blocks,
+        "hinges": upload_hinges(hinges, start, device),
+        "first_hinges": first_hinge,
+        "corotational": upload_corotational(corotational, device),
+        "first_corotational": first_corotational,
+        "slots_total": first_hinge + 4 * len(others),
     }
 
 
@@ -131,15 +148,19 @@ def _blocks(material: np.ndarray, mask: np.ndarray, lanes: int) -> np.ndarray:
 
 
 def _slots(
-    points: int, pairs: np.ndarray, corners: np.ndarray, order: np.ndarray, lanes: int
+    points: int, pairs: np.ndarray, corners: np.ndarray, order: np.ndarray, lanes: int, others: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """For each point, where the forces of its elements lie; a spring's force is that on its second point."""
+    """For each point, where the forces of its elements lie; a spring's force is that on its second point.
+
+    ``others`` (n, 4) are elements whose four forces follow those of the blocks.
+    """
     place = np.flatnonzero(order >= 0)
     block, lane = place // lanes, place % lanes
     spring = np.arange(len(pairs))
     corner_slots = [len(pairs) + (4 * block + k) * lanes + lane for k in range(4)]
-    slots = np.concatenate([spring, -spring - 1, *corner_slots])
-    owner = np.concatenate([pairs[:, 1], pairs[:, 0], *(corners[order[place], k] for k in range(4))])
+    other_slots = len(pairs) + 4 * len(order) + np.arange(others.size)
+    slots = np.concatenate([spring, -spring - 1, *corner_slots, other_slots])
+    owner = np.concatenate([pairs[:, 1], pairs[:, 0], *(corners[order[place], k] for k in range(4)), others.ravel()])
     by_point = np.argsort(owner, kind="stable")
     offsets = np.r_[0, np.cumsum(np.bincount(owner, minlength=points))]
     return offsets.astype(np.int32), slots[by_point].astype(np.int32)

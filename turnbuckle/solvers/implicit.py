@@ -13,6 +13,8 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse as sp
 
+from turnbuckle.bodies.corotational_stiffness import corotational_jacobians
+from turnbuckle.bodies.hinge_hessian import bends
 from turnbuckle.bodies.stiffness import all_elements, jacobians
 from turnbuckle.data.model import Model
 from turnbuckle.data.rows import Rows
@@ -37,7 +39,9 @@ class ImplicitSolver:
     def __init__(self, model: Model) -> None:
         self.model = model
         s, t = model.springs, model.tetrahedra
-        self.pattern = Pattern([s.pairs, t.edges, t.triangles, t.corners], model.points)
+        self.pattern = Pattern(
+            [s.pairs, t.edges, t.triangles, t.corners, model.hinges.points, model.corotational.corners], model.points
+        )
 
     def solve(
         self,
@@ -57,7 +61,9 @@ class ImplicitSolver:
         x, v = at
         mass = np.where(self.model.mass > 0.0, self.model.mass, 1.0)  # points of rigid bodies are placed afterwards
         room = ROOM * mass / (beta * h * h)
-        parts = [jacobians(e, v, room) for e in all_elements(self.model, x)]
+        elements = [*all_elements(self.model, x), bends(self.model.hinges, x)]
+        parts = [jacobians(e, v, room) for e in elements]
+        parts.append(corotational_jacobians(self.model.corotational, x, room))
         a = self.pattern.matrix(np.repeat(mass, 3), [-alpha * h * d - beta * h * h * k for k, d in parts])
         b = force.ravel().copy()
         if push != 0.0:

@@ -5,6 +5,8 @@ from collections.abc import Callable
 import numpy as np
 import warp as wp
 
+from turnbuckle.bodies.bending import hinge_forces
+from turnbuckle.bodies.corotational import corotational_forces
 from turnbuckle.bodies.gather import gather_forces
 from turnbuckle.bodies.springs import spring_forces
 from turnbuckle.bodies.tetrahedra import tetrahedra_forces
@@ -33,7 +35,9 @@ class Scratch:
         self.element_force = wp.zeros(max(arrays["slots_total"], 1), dtype=wp.vec3d, device=device)
         self.spring_energy = wp.zeros(max(len(model.springs.pairs), 1), dtype=wp.float64, device=device)
         self.spring_power = wp.zeros_like(self.spring_energy)
-        self.block_energy = wp.zeros(max(arrays["blocks"], 1), dtype=wp.float64, device=device)
+        # of all elements but springs: blocks of tetrahedra, hinges, corotational elements
+        others = arrays["blocks"] + len(model.hinges.points) + len(model.corotational.corners)
+        self.block_energy = wp.zeros(max(others, 1), dtype=wp.float64, device=device)
         self.block_power = wp.zeros_like(self.block_energy)
         self.field_power = 0.0  # of force fields at the state last evaluated [W]
         self.implicit = ImplicitSolver(model) if model.integrator in ("implicit_euler", "newmark") else None
@@ -111,6 +115,14 @@ class StepRecorder:
             out = [work.element_force, work.block_energy, work.block_power]
             kernel = tetrahedra_forces(arrays["lanes"])
             p.launch(kernel, arrays["blocks"], [*given, len(self.model.springs.pairs), x, v, *out])
+        begin = arrays["blocks"]
+        hinges, solid = len(self.model.hinges.points), len(self.model.corotational.corners)
+        for n, kernel, name in ((hinges, hinge_forces, "hinges"), (solid, corotational_forces, "corotational")):
+            if n:
+                given = [arrays[name], arrays[f"first_{name}"]]
+                out = [work.element_force, work.block_energy[begin : begin + n], work.block_power[begin : begin + n]]
+                p.launch(kernel, n, [*given, x, v, *out], grain=4)
+            begin += n
         p.barrier()
         given = [self.mass, arrays["slot_offsets"], arrays["slots"], work.element_force, self.params]
         p.launch(gather_forces, self.model.points, [*given, force_out])
