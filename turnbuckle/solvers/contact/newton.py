@@ -39,7 +39,7 @@ SMALL = 500  # blocks and contacts below which one thread does all
 SLOW = 0.5  # multipliers that gain less a round make the penalty grow
 GROWTH = 3.0
 LARGEST = 1e4  # the largest SCALE
-WORSE = 2.0  # a step after which the gradient is larger by this is looked at again
+WORSE = 0.7  # a step that leaves more than this of the gradient is looked at again
 LEAST = 1e-3  # the shortest part of a step
 
 
@@ -154,7 +154,7 @@ class NewtonSolver:
         tries = int(scalars[kernels.TRIES])
         self._go("v", 1.0)
         after = self._evaluate()
-        if after.gradient > WORSE * before.gradient or not np.isfinite(after.gradient):
+        if not after.gradient < WORSE * before.gradient:
             self._go("v", -1.0)
             self._evaluate()
             length = self._shortened()
