@@ -18,6 +18,7 @@ from turnbuckle.data.rows import Rows
 from turnbuckle.data.state import State
 from turnbuckle.geometry.quaternions import rotate
 from turnbuckle.scene.build_rigid_bodies import inertial_pose
+from turnbuckle.step.contact_zones import Nodes
 from turnbuckle.step.field_values import field_values
 
 
@@ -79,6 +80,27 @@ class ContactDynamics:
         r = np.zeros((self.points, 3))
         r[self.slaves] = x[self.slaves] - host(self.state.rigid.x)[self.body_of[self.slaves]]
         return r
+
+    def nodes(self, a: sp.bsr_array, prescribed: Prescribed) -> Nodes:
+        """What zones of impact are made of, at the state."""
+        rigid, points = self.state.rigid, self.points
+        place = np.concatenate([host(self.state.now.x), np.repeat(host(rigid.x), 2, axis=0)])
+        mass = np.zeros(self.n)
+        mass[:points] = np.maximum(self.model.mass, 0.0)
+        mass[points::2] = self.model.rigid.mass
+        inertia = np.zeros((self.n, 3, 3))
+        turn = Rotation.from_quat(host(rigid.q)).as_matrix()
+        inertia[points + 1 :: 2] = np.einsum("nij,nj,nkj->nik", turn, self.model.rigid.inertia, turn)
+        first = np.arange(self.n)
+        first[points + 1 :: 2] -= 1
+        spins = np.zeros(self.n, dtype=bool)
+        spins[points + 1 :: 2] = True
+        return Nodes(place, mass, inertia, prescribed.fixed, first, spins)
+
+    def block_of(self, point: np.ndarray) -> np.ndarray:
+        """The block that moves each point: its own, or the first of its rigid body."""
+        body = self.body_of[point]
+        return np.where(body >= 0, self.points + 2 * body, point)
 
     # What acts -----------------------------------------------------------------------------------------------------
 

@@ -16,11 +16,11 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from turnbuckle.compute import host
 from turnbuckle.constraints.activation import break_rows, update_windows
 from turnbuckle.contact.detector import Detector
+from turnbuckle.contact.intersections import Intersections
 from turnbuckle.contact.manifold import Refined, no_contacts, refine
-from turnbuckle.data.contact import ContactProblem, ContactSolution, Contacts
+from turnbuckle.data.contact import Contacts
 from turnbuckle.data.errors import InputError, StepError
 from turnbuckle.data.model import Model
 from turnbuckle.data.report import StepReport, merge_reports
@@ -28,94 +28,14 @@ from turnbuckle.data.state import State
 from turnbuckle.geometry.quaternions import rotate
 from turnbuckle.integrators import SCHEMES
 from turnbuckle.solvers.contact.newton import NewtonSolver
-from turnbuckle.step.contact_dynamics import ContactDynamics, Prescribed
-from turnbuckle.step.contact_equality import point_rows, split
-from turnbuckle.step.contact_rows import Memory, PointMap, contact_rows, frames
+from turnbuckle.step.contact_attempt import Attempt
+from turnbuckle.step.contact_dynamics import ContactDynamics
+from turnbuckle.step.contact_rows import Memory, PointMap
+from turnbuckle.step.contact_zones import Zones, clear_with_zones
 from turnbuckle.step.goals import move_goals
 from turnbuckle.step.snapshot import Snapshot
 
-RECOVERED = 0.2  # part of what a contact is too near by that a step gives back
-LEAST = 1e-9  # [m/s] the smallest tolerance
-TOUCH = 0.01  # of delta a step: what counts as motion where there is no gravity
-
-
-class Attempt:
-    """One attempt at a step of ``h``: its system, and the solve that refinement calls."""
-
-    def __init__(self, stepper: "ContactStepper", h: float) -> None:
-        self.stepper, self.h = stepper, h
-        model, state, dynamics = stepper.model, stepper.state, stepper.dynamics
-        self.x0 = np.array(host(state.now.x))
-        self.v0 = dynamics.velocities()
-        equal = split(state, h, model.body_of)
-        self.prescribed: Prescribed = dynamics.prescribe(h, equal.nails)
-        with stepper.timed("forces"):
-            self.a, self.load = dynamics.assemble(h)
-        self.v0[self.prescribed.fixed] = self.prescribed.velocity[self.prescribed.fixed]
-        self.arms = dynamics.arms(self.x0)
-        self.e = None
-        if equal.rows is not None:
-            self.e = point_rows(state, equal.rows, h, self.x0, self.arms, stepper.map)
-        self.s0 = stepper.surfaces.positions(self.x0)
-        self.v = self.v0.copy()
-        self.solution: ContactSolution | None = None
-        self.solved = no_contacts()  # the contacts of the last solution
-        self.frame = np.zeros((0, 3, 3))
-        self.impulse = np.zeros((0, 3))  # world
-        self.friction = np.zeros(0)
-        gravity = float(np.linalg.norm(state.gravity)) * h
-        still = TOUCH * float(stepper.surfaces.delta.min(initial=np.inf)) / h if stepper.surfaces.vertices else 0.0
-        self.tolerance = max(model.contact.tolerance * max(gravity, still), LEAST)
-        self.iterations: dict[str, int] = {}
-
-    def solve(self, contacts: Contacts) -> np.ndarray | None:
-        """Velocities under these contacts; positions of surface vertices at the end of the step."""
-        stepper, h = self.stepper, self.h
-        with stepper.timed("rows"):
-            problem = self._problem(contacts)
-            start = np.einsum("mij,mj->mi", self.frame, self.impulse)
-        with stepper.timed("contact_solve"):
-            found = stepper.solver.solve(problem, start, self.v.ravel(), self.tolerance, stepper.options.max_iterations)
-        if not np.isfinite(found.velocity).all():
-            return None
-        for name, count in found.iterations.items():
-            self.iterations[name] = self.iterations.get(name, 0) + count
-        self.solution, self.solved, self.problem = found, contacts, problem
-        self.v = found.velocity.reshape(-1, 3)
-        self.impulse = np.einsum("mij,mi->mj", self.frame, found.impulse)
-        self.x1, self.bx1, self.q1 = stepper.dynamics.moved(self.v, h, self.prescribed)
-        return stepper.surfaces.positions(self.x1)
-
-    def crossed(self, s1: np.ndarray) -> Contacts:
-        """What the way to ``s1`` comes too near to."""
-        with self.stepper.timed("ccd"):
-            return self.stepper.detector.crossed(self.s0, s1)
-
-    def _problem(self, contacts: Contacts) -> ContactProblem:
-        stepper, surfaces, h = self.stepper, self.stepper.surfaces, self.h
-        new = contacts.count - len(self.impulse)
-        if new:  # those of earlier rounds come first
-            fresh = Contacts(*(getattr(contacts, n)[len(self.impulse) :] for n in Contacts.__dataclass_fields__))
-            ratio = h / stepper.state.dt if stepper.state.dt > 0.0 else 1.0
-            known, slid = stepper.memory.recall(fresh, ratio)
-            self.frame = np.concatenate([self.frame, frames(fresh.normal)])
-            self.impulse = np.concatenate([self.impulse, known])
-            sides = surfaces.shape[fresh.vertices[:, 0]], surfaces.shape[fresh.vertices[:, 3]]
-            mu = surfaces.friction[sides[0], sides[1]]
-            self.friction = np.concatenate([self.friction, np.where(slid, mu[:, 1], mu[:, 0])])
-        gap = np.einsum("mk,mkd,md->m", contacts.coefficients, self.s0[contacts.vertices], contacts.normal)
-        delta = stepper.detector.deltas(contacts.kind, contacts.a, contacts.b)
-        apart = np.minimum(RECOVERED * np.maximum(delta - contacts.distance, 0.0), stepper.options.recovery * h)
-        target = np.where(contacts.distance < delta, contacts.distance + apart, delta)
-        floor = (target - gap) / h
-        if stepper.options.rows == "velocity":
-            floor = np.zeros(contacts.count)
-        e, wanted = (None, np.zeros(0)) if self.e is None else (self.e.e, self.e.wanted)
-        return ContactProblem(
-            a=self.a, free=self.v0.ravel(), j=contact_rows(surfaces, contacts, self.frame, self.arms, stepper.map),
-            floor=floor, friction=self.friction, e=e, wanted=wanted, pairs=stepper.dynamics.pairs,
-            fixed=self.prescribed.fixed, load=self.load.ravel(),
-        )  # fmt: skip
+TOLD = 3  # pairs of bodies that a message names
 
 
 class ContactStepper:
@@ -138,6 +58,8 @@ class ContactStepper:
         self.solver = NewtonSolver(model.device)
         self.memory = Memory(self.surfaces)
         self.scheme = SCHEMES[model.integrator]()
+        self._intersections: Intersections | None = None
+        self._moves = moves
         self._seconds: dict[str, float] = {}
 
     @contextmanager
@@ -156,6 +78,8 @@ class ContactStepper:
         start = Snapshot(self.state)
         steps = self.state.steps
         try:
+            if self.state.stale:
+                self.check_start()
             report = self._advance(dt, self.options.halvings)
         except (FloatingPointError, np.linalg.LinAlgError, StepError) as error:
             report = self._failed(dt, str(error))
@@ -178,12 +102,51 @@ class ContactStepper:
         if refined.clear:
             return self._commit(attempt, refined)
         if depth == 0:
-            return self._failed(h, f"{refined.crossed.count} pairs still cross after {refined.rounds} rounds")
+            return self._last_resort(attempt, refined)
         first = self._advance(0.5 * h, depth - 1)
         if first.status == "failed":
             return first
         second = self._advance(0.5 * h, depth - 1)
         return second if second.status == "failed" else merge_reports(first, second)
+
+    def _last_resort(self, attempt: Attempt, refined: Refined) -> StepReport:
+        """Move whatever still crosses rigidly."""
+        dynamics = self.dynamics
+        with self.timed("zones"):
+            zones = Zones(dynamics.nodes(attempt.a, attempt.prescribed), None if attempt.e is None else attempt.e.e)
+            v, crossed = clear_with_zones(
+                zones, refined.crossed, attempt.v, attempt.moved, attempt.crossed, self.surfaces, dynamics.block_of
+            )
+        if v is None:
+            return self._failed(attempt.h, f"no motion keeps apart {self._named(crossed)}: prescribed motions press them together")
+        report = self._commit(attempt, refined)
+        report.last_resorts = 1
+        return report
+
+    def _named(self, contacts: Contacts) -> str:
+        """The bodies of contacts, by name."""
+        shape = self.surfaces.shape[contacts.vertices]
+        pairs = np.unique(np.sort(shape[:, [0, 3]], axis=1), axis=0)
+        names = [s.name for s in self.model.shapes]
+        told = [f"'{names[a]}' and '{names[b]}'" if a != b else f"'{names[a]}' and itself" for a, b in pairs[:TOLD]]
+        return ", ".join(told) + (" and others" if len(pairs) > TOLD else "")
+
+    def check_start(self) -> None:
+        """Refuse a state that intersects. Raises StepError with the pairs."""
+        x = self.surfaces.positions(self.state.positions())
+        if self._intersections is None:
+            self._intersections = Intersections(self.surfaces, self.model.device, self._moves)
+        found = self._intersections.find(x)
+        if len(found) == 0:
+            return
+        names = [s.name for s in self.model.shapes]
+        of_edge, of_face = self.surfaces.shape[self.surfaces.edges[:, 0]], self.surfaces.shape[self.surfaces.faces[:, 0]]
+        pairs, counts = np.unique(np.sort(np.stack([of_edge[found[:, 0]], of_face[found[:, 1]]], axis=1), axis=1), axis=0, return_counts=True)
+        told = [
+            f"'{names[a]}' and {'itself' if a == b else repr(names[b])} ({n} edges through faces)"
+            for (a, b), n in zip(pairs[:10], counts[:10], strict=True)
+        ]
+        raise StepError(f"bodies intersect: {', '.join(told)}; move them apart, or leave the pair out with contact.ignore")
 
     def _commit(self, attempt: Attempt, refined: Refined) -> StepReport:
         state, dynamics, h = self.state, self.dynamics, attempt.h

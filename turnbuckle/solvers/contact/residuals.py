@@ -50,6 +50,8 @@ def contact_residuals(
     inverse = inverse_diagonal(problem)
     change = velocity - problem.free
     left = problem.a @ change - problem.j.T @ impulse.ravel()
+    if problem.load is not None:
+        left = left - problem.load
     rate = 0.0
     if problem.e is not None:
         left = left - problem.e.T @ equality

@@ -1,0 +1,121 @@
+"""One attempt at a step with contact: its system, and the solve that refinement asks for (Contact, 3 and 4)."""
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.sparse as sp
+
+from turnbuckle.compute import host
+from turnbuckle.contact.manifold import no_contacts
+from turnbuckle.data.contact import ContactProblem, ContactSolution, Contacts
+from turnbuckle.solvers.contact.anticipation import solve_anticipation
+from turnbuckle.solvers.contact.ica import solve_ica
+from turnbuckle.step.contact_dynamics import Prescribed
+from turnbuckle.step.contact_equality import point_rows, split
+from turnbuckle.step.contact_rows import contact_rows, frames
+
+if TYPE_CHECKING:
+    from turnbuckle.step.contact_step import ContactStepper
+
+RECOVERED = 0.2  # part of what a contact is too near by that a step gives back
+LEAST = 1e-9  # [m/s] the smallest tolerance
+TOUCH = 0.01  # of delta a step: what counts as motion where there is no gravity
+FREE = 1e-6  # of the tolerance: to what free velocities are solved where a solver asks for them
+
+
+class Attempt:
+    """One attempt at a step of ``h``: its system, and the solve that refinement calls."""
+
+    def __init__(self, stepper: "ContactStepper", h: float) -> None:
+        self.stepper, self.h = stepper, h
+        model, state, dynamics = stepper.model, stepper.state, stepper.dynamics
+        self.x0 = np.array(host(state.now.x))
+        self.v0 = dynamics.velocities()
+        equal = split(state, h, model.body_of)
+        self.prescribed: Prescribed = dynamics.prescribe(h, equal.nails)
+        with stepper.timed("forces"):
+            self.a, self.load = dynamics.assemble(h)
+        self.v0[self.prescribed.fixed] = self.prescribed.velocity[self.prescribed.fixed]
+        self.arms = dynamics.arms(self.x0)
+        self.e = None
+        if equal.rows is not None:
+            self.e = point_rows(state, equal.rows, h, self.x0, self.arms, stepper.map)
+        self.s0 = stepper.surfaces.positions(self.x0)
+        self.v = self.v0.copy()
+        self.solution: ContactSolution | None = None
+        self.solved = no_contacts()  # the contacts of the last solution
+        self.frame = np.zeros((0, 3, 3))
+        self.impulse = np.zeros((0, 3))  # world
+        self.friction = np.zeros(0)
+        gravity = float(np.linalg.norm(state.gravity)) * h
+        still = TOUCH * float(stepper.surfaces.delta.min(initial=np.inf)) / h if stepper.surfaces.vertices else 0.0
+        self.tolerance = max(model.contact.tolerance * max(gravity, still), LEAST)
+        self.iterations: dict[str, int] = {}
+        self.free: np.ndarray | None = None
+
+    def solve(self, contacts: Contacts) -> np.ndarray | None:
+        """Velocities under these contacts; positions of surface vertices at the end of the step."""
+        stepper, h = self.stepper, self.h
+        with stepper.timed("rows"):
+            problem = self._problem(contacts)
+            start = np.einsum("mij,mj->mi", self.frame, self.impulse)
+        with stepper.timed("contact_solve"):
+            found = self._solved(problem, start)
+        if not np.isfinite(found.velocity).all():
+            return None
+        for name, count in found.iterations.items():
+            self.iterations[name] = self.iterations.get(name, 0) + count
+        self.solution, self.solved, self.problem = found, contacts, problem
+        self.impulse = np.einsum("mij,mi->mj", self.frame, found.impulse)
+        return self.moved(found.velocity.reshape(-1, 3))
+
+    def crossed(self, s1: np.ndarray) -> Contacts:
+        """What the way to ``s1`` comes too near to."""
+        with self.stepper.timed("ccd"):
+            return self.stepper.detector.crossed(self.s0, s1)
+
+    def moved(self, v: np.ndarray) -> np.ndarray:
+        """Surface vertices at the end of the step with block velocities v (n, 3), which become those of the attempt."""
+        self.v = v
+        self.x1, self.bx1, self.q1 = self.stepper.dynamics.moved(v, self.h, self.prescribed)
+        return self.stepper.surfaces.positions(self.x1)
+
+    def _problem(self, contacts: Contacts) -> ContactProblem:
+        stepper, surfaces, h = self.stepper, self.stepper.surfaces, self.h
+        new = contacts.count - len(self.impulse)
+        if new:  # those of earlier rounds come first
+            fresh = Contacts(*(getattr(contacts, n)[len(self.impulse) :] for n in Contacts.__dataclass_fields__))
+            ratio = h / stepper.state.dt if stepper.state.dt > 0.0 else 1.0
+            known, slid = stepper.memory.recall(fresh, ratio)
+            self.frame = np.concatenate([self.frame, frames(fresh.normal)])
+            self.impulse = np.concatenate([self.impulse, known])
+            sides = surfaces.shape[fresh.vertices[:, 0]], surfaces.shape[fresh.vertices[:, 3]]
+            mu = surfaces.friction[sides[0], sides[1]]
+            self.friction = np.concatenate([self.friction, np.where(slid, mu[:, 1], mu[:, 0])])
+        gap = np.einsum("mk,mkd,md->m", contacts.coefficients, self.s0[contacts.vertices], contacts.normal)
+        delta = stepper.detector.deltas(contacts.kind, contacts.a, contacts.b)
+        apart = np.minimum(RECOVERED * np.maximum(delta - contacts.distance, 0.0), stepper.options.recovery * h)
+        target = np.where(contacts.distance < delta, contacts.distance + apart, delta)
+        floor = (target - gap) / h
+        if stepper.options.rows == "velocity":
+            floor = np.zeros(contacts.count)
+        e, wanted = (None, np.zeros(0)) if self.e is None else (self.e.e, self.e.wanted)
+        return ContactProblem(
+            a=self.a, free=self.v0.ravel(), j=contact_rows(surfaces, contacts, self.frame, self.arms, stepper.map),
+            floor=floor, friction=self.friction, e=e, wanted=wanted, pairs=stepper.dynamics.pairs,
+            fixed=self.prescribed.fixed, load=self.load.ravel(),
+        )  # fmt: skip
+
+    def _solved(self, problem: ContactProblem, start: np.ndarray) -> ContactSolution:
+        """By the solver that the scene names."""
+        stepper, options = self.stepper, self.stepper.options
+        if options.solver == "newton" and options.friction_shape == "cone":
+            return stepper.solver.solve(problem, start, self.v.ravel(), self.tolerance, options.max_iterations)
+        if self.free is None:
+            none = sp.bsr_array((np.zeros((0, 3, 3)), np.zeros(0, np.int32), np.zeros(1, np.int32)), shape=(0, len(problem.free)))
+            alone = replace(problem, j=none, floor=np.zeros(0), friction=np.zeros(0), e=None, wanted=np.zeros(0))
+            self.free = stepper.solver.solve(alone, None, None, FREE * self.tolerance, options.max_iterations).velocity
+        given = replace(problem, free=self.free, load=None)
+        solve = solve_anticipation if options.solver == "anticipation" else solve_ica
+        return solve(given, start, self.tolerance, options.max_iterations, options.friction_shape)
