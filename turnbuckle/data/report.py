@@ -43,10 +43,16 @@ def merge_reports(first: StepReport, second: StepReport) -> StepReport:
     out = second
     out.dt = first.dt + second.dt
     out.halvings = first.halvings + second.halvings + 1
-    for name in ("position_residual", "rate_residual", "iterations"):
+    for name in ("position_residual", "rate_residual", "iterations", "contact_residual"):
         mine, other = getattr(out, name), getattr(first, name)
         for kind, value in other.items():
             mine[kind] = max(value, mine.get(kind, value))
+    out.rounds, out.contacts, out.touching = (
+        max(getattr(first, n), getattr(second, n)) for n in ("rounds", "contacts", "touching")
+    )
+    out.last_resorts = first.last_resorts + second.last_resorts
+    gaps = [r.smallest_gap for r in (first, second) if r.smallest_gap is not None]
+    out.smallest_gap = min(gaps, default=None)
     for stage, seconds in first.seconds.items():
         out.seconds[stage] = out.seconds.get(stage, 0.0) + seconds
     out.momentum_error = (
@@ -78,6 +84,7 @@ class RunReport:
     smallest_gap: float | None = None  # [m]
     intersections: int = 0
     contacts_max: int = 0
+    contact_residual: dict[str, float] = field(default_factory=dict)  # worst by condition [m/s]
     momentum_error: dict[str, float] = field(default_factory=lambda: {"linear": 0.0, "angular": 0.0})  # relative
     energies: dict[str, float] = field(default_factory=dict)  # at the end [J]
     iterations: dict[str, dict[str, int]] = field(default_factory=dict)  # histograms by solver

@@ -50,8 +50,17 @@ def _rows(report: RunReport) -> Iterator[tuple[str, str]]:
         yield "energy", ", ".join(f"{name} {_number(value)} J" for name, value in report.energies.items())
     for solver, histogram in report.iterations.items():
         yield "iterations", f"{solver}: {_typical(histogram)}"
+    if report.contacts_max:
+        gap = "" if report.smallest_gap is None else f", none nearer than {_number(report.smallest_gap)} m"
+        yield "contacts", f"{report.contacts_max} at most, {report.intersections} intersections{gap}"
+    if report.contact_residual:
+        yield "", ", ".join(f"{name} {value:.1e}" for name, value in report.contact_residual.items()) + " m/s at worst"
+    if report.cmr_rounds:
+        yield "rounds", f"of contact refinement: {_typical(report.cmr_rounds)}"
+    if report.last_resorts:
+        yield "last resorts", f"{report.last_resorts} times bodies were moved rigidly to keep them apart"
     if report.halvings:
-        yield "halved", f"{report.halvings} times a step that turned a body too far"
+        yield "halved", f"{report.halvings} times a step was taken in two halves"
     yield "degraded", f"{report.degraded_steps} of {report.steps} steps" if report.degraded_steps else "no step"
     for number, text in enumerate(_first(report.messages)):
         yield "" if number else "notes", text

@@ -92,6 +92,10 @@ class Tally:
         for solver, n in report.iterations.items():
             _count(result.iterations.setdefault(solver, {}), n)
         result.halvings += report.halvings
+        result.last_resorts += report.last_resorts
+        result.contacts_max = max(result.contacts_max, report.contacts)
+        for condition, value in report.contact_residual.items():
+            result.contact_residual[condition] = max(value, result.contact_residual.get(condition, 0.0))
         gap = report.smallest_gap
         if gap is not None and (result.smallest_gap is None or gap < result.smallest_gap):
             result.smallest_gap = gap

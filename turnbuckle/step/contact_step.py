@@ -29,6 +29,7 @@ from turnbuckle.geometry.quaternions import rotate
 from turnbuckle.integrators import SCHEMES
 from turnbuckle.solvers.contact.newton import NewtonSolver
 from turnbuckle.step.contact_attempt import Attempt
+from turnbuckle.step.contact_certificate import contact_conditions
 from turnbuckle.step.contact_dynamics import ContactDynamics
 from turnbuckle.step.contact_rows import Memory, PointMap
 from turnbuckle.step.contact_zones import Zones, clear_with_zones
@@ -171,7 +172,8 @@ class ContactStepper:
         report.touching = int((attempt.solution.impulse[:, 0] > 0.0).sum())
         gap = self.detector.smallest_gap
         report.smallest_gap = gap if np.isfinite(gap) else None
-        report.contact_residual = {"solver": attempt.solution.residual}
+        with self.timed("report"):
+            report.contact_residual = contact_conditions(attempt.problem, v.ravel(), attempt.solution.impulse)
         report.energies = {
             "kinetic": dynamics.kinetic(v, q), "elastic": dynamics.system.elastic_energy(),
             "gravity": dynamics.gravity_energy(attempt.x1, attempt.bx1),
