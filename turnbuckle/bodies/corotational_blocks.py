@@ -3,8 +3,9 @@
 The paper's ``-dF/dq = R K_e R^T`` has the blocks ``V (lambda y_i y_j^T + mu (y_i . y_j I + y_j y_i^T))`` with ``y_i = R g_i``. It
 lacks what the turning of R adds to the second variation of E: ``w^T T w``, ``T = 4 V (mu I - (2 mu - lambda tr e) G^-1)``, with
 ``w = sum_i g_i x R^T dx_i / 2``: zero at rest, positive where the element is stretched, negative where it is squeezed. Its
-positive part is added ("tension"): without it a step as large as those of Contact treats the transverse waves of
-stretched solids explicitly, and they grow. With T instead of its positive part, K would be exact.
+positive part is added ("tension") to elements strained by more than `SMALL`: without it a solid at twice its length is no
+longer stable at the large steps of Contact, and its energy grows (at half as much again it still is). With T
+itself everywhere K would be exact.
 
 Damping has ``-dF/dv = beta B^T C B``, B from velocities to dS/dt.
 
@@ -21,6 +22,7 @@ wp.set_module_options({"enable_backward": False})
 
 mat33 = wp.mat33d
 mat63 = wp.types.matrix(shape=(6, 3), dtype=wp.float64)
+SMALL = wp.constant(wp.float64(0.1))  # |e|, the Frobenius norm of the strain
 BLOCKS = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))  # corners of the blocks that are stored
 
 
@@ -171,7 +173,7 @@ def corotational_system(
     b12 = pair_block(elements, s, stiff, q.y1, q.y2)
     b13 = pair_block(elements, s, stiff, q.y1, q.y3)
     b23 = pair_block(elements, s, stiff, q.y2, q.y3)
-    if stretched == 1:
+    if stretched == 1 and wp.ddot(q.stretch, q.stretch) - real(2.0) * q.trace - real(3.0) > SMALL * SMALL:  # e:e
         t = tension(elements, s, q)
         b01 += turn_block(t, stiff, y0, q.y1)
         b02 += turn_block(t, stiff, y0, q.y2)

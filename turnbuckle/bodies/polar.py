@@ -89,9 +89,15 @@ def nearest_rotation(f: mat33) -> mat33:
     a = vec3(f[0, 0], f[0, 1], f[0, 2])
     b = vec3(f[1, 0], f[1, 1], f[1, 2])
     c = vec3(f[2, 0], f[2, 1], f[2, 2])
+    largest = wp.max(wp.max(wp.abs(a)), wp.max(wp.max(wp.abs(b)), wp.max(wp.abs(c))))
+    if largest > real(1e50) or largest < real(1e-50):  # products of three would leave the range of numbers
+        largest = wp.max(largest, real(1e-300))
+        a = a / largest
+        b = b / largest
+        c = c / largest
     squared = wp.dot(a, a) + wp.dot(b, b) + wp.dot(c, c)
     if wp.dot(a, wp.cross(b, c)) <= FLAT * squared * wp.sqrt(squared):
-        return largest_rotation(f)
+        return largest_rotation(from_rows(a, b, c))
     change = real(1.0)
     turns = int(0)
     while change > real(1e-15) and turns < 20:  # the square of the last change; the error left is about that
