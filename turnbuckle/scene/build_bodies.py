@@ -305,5 +305,5 @@ def _obstacle(d: ObstacleDef, folder: Path) -> Body:
     """Its points go where its motion says; they have no mass."""
     motion, triangles = obstacle(d, folder)
     x = motion(0.0)
-    shape = Shape(d.name, 0, len(x), triangles=triangles, color=_color(d), still=not motion.moves)
+    shape = Shape(d.name, 0, len(x), triangles=triangles, color=_color(d), still=not motion.moves, drawn=d.drawn)
     return Body(name=d.name, x=x, mass=np.zeros(len(x)), velocity=np.zeros(3), shape=shape, motion=motion)

@@ -11,7 +11,7 @@ from pydantic.json_schema import SkipJsonSchema
 
 from turnbuckle.scene.base_definition import exactly_one, problem
 from turnbuckle.scene.body_definitions import BodyBase, _check_indices
-from turnbuckle.scene.fields import Frames, Number, Positive, SequencePath, Size2, Times
+from turnbuckle.scene.fields import Flag, Frames, Number, Positive, SequencePath, Size2, Times
 from turnbuckle.scene.rigid_definitions import SHAPES, ShapeDef, TrajectoryDef, _trajectory_kind
 
 FORMS: tuple[tuple[str, ...], ...] = (
@@ -58,6 +58,8 @@ class ObstacleDef(BodyBase, ShapeDef):
     ] = Field(
         default=None, description="Keyframes, or in Python t [s] -> (position (3,) [m], rotation vector (3,) [rad])."
     )
+
+    drawn: Flag = Field(default=True, description="Whether pictures show it [true or false].")
 
     @model_validator(mode="after")
     def _check(self) -> ObstacleDef:

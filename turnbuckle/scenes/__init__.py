@@ -46,4 +46,10 @@ REGISTRY: Mapping[str, "Callable[..., Scene]"] = _Registry(
     "snake",
     "otary",
     "puppet",
+    "falling_cloth",
+    "letters",
+    "mixed_stack",
+    "dancer",
+    "local_global",
+    "hung_and_hit",
 )
