@@ -130,4 +130,4 @@ def test_ride_counts_iterations() -> None:
 
 
 def test_registry_names_what_can_be_measured() -> None:
-    assert set(REGISTRY) == {"curtain", "constraints", "scaling", "chain", "monocycle"}
+    assert set(REGISTRY) == {"curtain", "constraints", "scaling", "chain", "monocycle", "ccd"}

@@ -17,5 +17,5 @@ def _measure(module: str, console: Any = None, folder: Path | None = None) -> An
 
 
 REGISTRY: dict[str, Benchmark] = {
-    name: partial(_measure, name) for name in ("curtain", "constraints", "scaling", "chain", "monocycle")
+    name: partial(_measure, name) for name in ("curtain", "constraints", "scaling", "chain", "monocycle", "ccd")
 }
