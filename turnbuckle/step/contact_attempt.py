@@ -11,8 +11,9 @@ from turnbuckle.contact.manifold import no_contacts
 from turnbuckle.data.contact import ContactProblem, ContactSolution, Contacts
 from turnbuckle.solvers.contact.anticipation import solve_anticipation
 from turnbuckle.solvers.contact.ica import solve_ica
+from turnbuckle.step.contact_closing import Closing, Motion
 from turnbuckle.step.contact_dynamics import Prescribed
-from turnbuckle.step.contact_equality import point_rows, split
+from turnbuckle.step.contact_equality import split
 from turnbuckle.step.contact_rows import contact_rows, frames
 
 if TYPE_CHECKING:
@@ -38,9 +39,7 @@ class Attempt:
             self.a, self.load = dynamics.assemble(h)
         self.v0[self.prescribed.fixed] = self.prescribed.velocity[self.prescribed.fixed]
         self.arms = dynamics.arms(self.x0)
-        self.e = None
-        if equal.rows is not None:
-            self.e = point_rows(state, equal.rows, h, self.x0, self.arms, stepper.map)
+        self.closing = Closing(h, equal.rows, stepper.map, stepper.joints, self.arms, self.v0)
         self.s0 = stepper.surfaces.positions(self.x0)
         self.v = self.v0.copy()
         self.solution: ContactSolution | None = None
@@ -56,19 +55,29 @@ class Attempt:
 
     def solve(self, contacts: Contacts) -> np.ndarray | None:
         """Velocities under these contacts; positions of surface vertices at the end of the step."""
-        stepper, h = self.stepper, self.h
+        stepper = self.stepper
         with stepper.timed("rows"):
-            problem = self._problem(contacts)
-            start = np.einsum("mij,mj->mi", self.frame, self.impulse)
-        with stepper.timed("contact_solve"):
-            found = self._solved(problem, start)
-        if not np.isfinite(found.velocity).all():
-            return None
-        for name, count in found.iterations.items():
-            self.iterations[name] = self.iterations.get(name, 0) + count
-        self.solution, self.solved, self.problem = found, contacts, problem
-        self.impulse = np.einsum("mij,mi->mj", self.frame, found.impulse)
-        return self.moved(found.velocity.reshape(-1, 3))
+            base = self._problem(contacts)
+        self.closing.start()
+        s1 = self.moved(self.v)
+        while True:  # once, where no equality row turns with the motion
+            with stepper.timed("rows"):
+                problem = self.closing.put(base, self._motion()) if self.closing.exists else base
+                start = np.einsum("mij,mj->mi", self.frame, self.impulse)
+            with stepper.timed("contact_solve"):
+                found = self._solved(problem, start)
+            if not np.isfinite(found.velocity).all():
+                return None
+            for name, count in found.iterations.items():
+                self.iterations[name] = self.iterations.get(name, 0) + count
+            self.solution, self.solved, self.problem = found, contacts, problem
+            self.impulse = np.einsum("mij,mi->mj", self.frame, found.impulse)
+            s1 = self.moved(found.velocity.reshape(-1, 3))
+            if not self.closing.exists or self.closing.closed(found.equality, self._motion()):
+                return s1
+
+    def _motion(self) -> Motion:
+        return Motion(self.v, self.x1, self.bx1, self.q1)
 
     def crossed(self, s1: np.ndarray) -> Contacts:
         """What the way to ``s1`` comes too near to."""
@@ -100,10 +109,9 @@ class Attempt:
         floor = (target - gap) / h
         if stepper.options.rows == "velocity":
             floor = np.zeros(contacts.count)
-        e, wanted = (None, np.zeros(0)) if self.e is None else (self.e.e, self.e.wanted)
         return ContactProblem(
             a=self.a, free=self.v0.ravel(), j=contact_rows(surfaces, contacts, self.frame, self.arms, stepper.map),
-            floor=floor, friction=self.friction, e=e, wanted=wanted, pairs=stepper.dynamics.pairs,
+            floor=floor, friction=self.friction, pairs=stepper.dynamics.pairs,
             fixed=self.prescribed.fixed, load=self.load.ravel(),
         )  # fmt: skip
 

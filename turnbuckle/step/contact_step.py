@@ -31,6 +31,8 @@ from turnbuckle.solvers.contact.newton import NewtonSolver
 from turnbuckle.step.contact_attempt import Attempt
 from turnbuckle.step.contact_certificate import contact_conditions
 from turnbuckle.step.contact_dynamics import ContactDynamics
+from turnbuckle.step.contact_joint_report import JointReports
+from turnbuckle.step.contact_joints import ContactJoints
 from turnbuckle.step.contact_rows import Memory, PointMap
 from turnbuckle.step.contact_zones import Zones, clear_with_zones
 from turnbuckle.step.goals import move_goals
@@ -58,6 +60,9 @@ class ContactStepper:
         self.detector = Detector(self.surfaces, moves, model.device, self.options.broad_phase)
         self.solver = NewtonSolver(model.device)
         self.memory = Memory(self.surfaces)
+        self.joints = ContactJoints(model, state)
+        self.joint_reports = JointReports(model, state, self.joints)
+        self.articulated = self.joint_reports.articulated
         self.scheme = SCHEMES[model.integrator]()
         self._intersections: Intersections | None = None
         self._moves = moves
@@ -95,12 +100,13 @@ class ContactStepper:
     def _advance(self, h: float, depth: int) -> StepReport:
         """A step of ``h``, or two halves of it, and so on to ``depth``."""
         update_windows(self.model, self.state, h)
+        self.joint_reports.follow(h)
         move_goals(self.state, self.scheme, h)
         attempt = Attempt(self, h)
         with self.timed("detection"):
             contacts = self.detector.near(attempt.s0) if self.options.proximity else no_contacts()
         refined = refine(contacts, attempt.solve, attempt.crossed, self.options.rounds)
-        if refined.clear:
+        if refined.clear and (attempt.closing.good or depth == 0):
             return self._commit(attempt, refined)
         if depth == 0:
             return self._last_resort(attempt, refined)
@@ -114,7 +120,7 @@ class ContactStepper:
         """Move whatever still crosses rigidly."""
         dynamics = self.dynamics
         with self.timed("zones"):
-            zones = Zones(dynamics.nodes(attempt.a, attempt.prescribed), None if attempt.e is None else attempt.e.e)
+            zones = Zones(dynamics.nodes(attempt.a, attempt.prescribed), attempt.closing.e)
             v, crossed = clear_with_zones(
                 zones, refined.crossed, attempt.v, attempt.moved, attempt.crossed, self.surfaces, dynamics.block_of
             )
@@ -181,7 +187,8 @@ class ContactStepper:
         state.energies = report.energies
         if not attempt.solution.converged:
             report.messages.append(f"contact forces missed their conditions by {attempt.solution.residual:.1e} m/s")
-        report.broken = break_rows(self.model, state)
+        self.joint_reports.report(report, self.model.size)
+        report.broken = break_rows(self.model, state) + self.joint_reports.break_joints()
         report.status = "degraded" if report.messages else "ok"
         return report
 
