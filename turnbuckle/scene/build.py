@@ -74,7 +74,7 @@ def build(definition: SceneDef, folder: Path, device: str = "cpu") -> tuple[Mode
         conflicts=definition.conflicts,
         mass=mass,
         rest=x,
-        size=float(np.linalg.norm(np.ptp(x, axis=0))),
+        size=_size(bodies, x),
         springs=springs,
         tetrahedra=tets,
         fields=fields,
@@ -131,6 +131,12 @@ def _first_state(definition: SceneDef, model: Model, velocity: np.ndarray, rigid
         nailed=nailed,
         external=external,
     )
+
+
+def _size(bodies: list[Body], x: np.ndarray) -> float:
+    """Diagonal [m] of the box around all points but those of obstacles, which may be wide floors."""
+    counted = np.repeat([b.motion is None for b in bodies], [len(b.x) for b in bodies])
+    return float(np.linalg.norm(np.ptp(x[counted] if counted.any() else x, axis=0)))
 
 
 def _followers(model: Model) -> np.ndarray:

@@ -31,6 +31,8 @@ from turnbuckle.scene.points import select, where_mask
 def add_constraints(model: Model, state: State, definitions: Sequence[ConstraintBase]) -> None:
     """Add constraints; those that act now are switched on. Raises InputError, and `ConflictError` naming both."""
     groups = [_make(model, state, d) for d in definitions]
+    for group in groups:
+        _refuse_scripted(model, group)
     if model.conflicts == "error":
         check_windows(model, state, [*state.groups.values(), *groups])
     for group in groups:
@@ -89,6 +91,17 @@ def _make(model: Model, state: State, d: ConstraintBase) -> Group:
     except InputError as error:
         text = str(error)
         raise InputError(text if d.name in text else f"constraint '{d.name}': {text}") from None
+
+
+def _refuse_scripted(model: Model, group: Group) -> None:
+    """Raise InputError for a row that takes points of obstacles only."""
+    for script in model.scripted:
+        mine = (group.points >= script.begin) & (group.points < script.end)
+        if mine.any() and np.logical_and.reduceat(mine, group.offsets[:-1]).any():
+            raise InputError(
+                f"constraint '{group.name}': holds points of the obstacle '{script.name}' alone, which goes where its script "
+                "says; take points of another body, too"
+            )
 
 
 def _group(d: ConstraintBase, rows: np.ndarray, offsets: np.ndarray, points: np.ndarray, **more: object) -> Group:

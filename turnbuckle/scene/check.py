@@ -10,6 +10,7 @@ import numpy as np
 from turnbuckle.data.groups import Group
 from turnbuckle.data.model import Model
 from turnbuckle.data.state import State
+from turnbuckle.scene.check_contact import contact_counts, contact_warnings
 from turnbuckle.scene.check_rigid import moving_mass, rigid_counts, rigid_warnings
 from turnbuckle.scene.joint_limits import idle_limit_warnings
 from turnbuckle.scene.scene import Scene
@@ -46,6 +47,7 @@ def inspect_scene(scene: Scene) -> Inspection:
     warnings += domain_warnings(state)
     warnings += idle_limit_warnings(definition)
     warnings += rigid_warnings(model, state)
+    warnings += contact_warnings(model, state)
     return Inspection(counts(scene, model, state), warnings)
 
 
@@ -58,10 +60,11 @@ def counts(scene: Scene, model: Model, state: State) -> list[tuple[str, str]]:
         ("bodies", str(len(definition.bodies))),
         ("points", str(model.points)),
         ("springs", str(len(model.springs.pairs))),
-        ("tetrahedra", str(len(model.tetrahedra.corners))),
+        ("tetrahedra", str(len(model.tetrahedra.corners) + len(model.corotational.corners))),
         ("force fields", str(len(definition.forces))),
         ("mass", f"{moving_mass(model):.6g} kg"),
         *rigid_counts(model, state),
+        *(contact_counts(model) if model.surfaces is not None or model.scripted else []),
     ]
     for kind in state.tables.by_kind():
         count = sum(len(group.rows) for group in state.groups.values() if group.kind == kind)

@@ -33,7 +33,7 @@ def falling_cloth(
     if not abs(tilt) < 90.0:
         raise InputError(f"falling_cloth: tilt = {tilt:g} degrees must be between -90 and 90")
     scene = Scene("falling_cloth", dt=dt, duration=duration, contact={"friction": mu})
-    scene.add_obstacle("ground", plane=[4.0 * size, 4.0 * size])
+    scene.add_obstacle("ground", plane=[10.0 * size, 10.0 * size])
     # On its edge, leaning, one corner first: no two rows of the cloth arrive together.
     turn = Rotation.from_euler("xyz", [90.0 - tilt, 4.0, 10.0], degrees=True)
     corners = turn.apply(size * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]))

@@ -31,7 +31,7 @@ def hung_and_hit(
     if not 5.0 <= swing <= 100.0:
         raise InputError(f"hung_and_hit: swing = {swing:g} degrees must be from 5 to 100")
     scene = Scene("hung_and_hit", dt=dt, duration=duration, contact={"friction": mu})
-    scene.add_obstacle("ground", box=[6.0, 6.0, 0.2], position=[0.0, 0.0, -0.1])
+    scene.add_obstacle("ground", box=[12.0, 12.0, 0.2], position=[0.0, 0.0, -0.1])
     soft = {
         "youngs_modulus": youngs_modulus,
         "poissons_ratio": poissons_ratio,

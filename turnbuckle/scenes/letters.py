@@ -91,7 +91,7 @@ def letters(
 def _add_box(scene: Scene, half: float, height: float, at: float, time: float, press: float) -> None:
     """Ground, and four walls that push in."""
     side = 4.0 * half
-    scene.add_obstacle("ground", box=[side, side, WALL], position=[0.0, 0.0, -0.5 * WALL])
+    scene.add_obstacle("ground", box=[5.0 * side, 5.0 * side, WALL], position=[0.0, 0.0, -0.5 * WALL])
     pushed = half * press
     for name, direction in (("east", (1, 0)), ("west", (-1, 0)), ("north", (0, 1)), ("south", (0, -1))):
         out = np.array([*direction, 0.0])

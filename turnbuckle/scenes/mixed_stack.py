@@ -30,7 +30,7 @@ def mixed_stack(
     if storeys < 1:
         raise InputError(f"mixed_stack: storeys = {storeys} must be at least 1")
     scene = Scene("mixed_stack", dt=dt, duration=duration, contact={"friction": mu})
-    scene.add_obstacle("ground", box=[6.0, 6.0, 0.2], position=[0.0, 0.0, -0.1])
+    scene.add_obstacle("ground", box=[12.0, 12.0, 0.2], position=[0.0, 0.0, -0.1])
     soft = {
         "youngs_modulus": youngs_modulus,
         "poissons_ratio": poissons_ratio,
