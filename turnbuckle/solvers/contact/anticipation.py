@@ -3,6 +3,10 @@
 Equality rows are eliminated with A: with the matrix ``K = [A E^T; E 0]`` of the blocks that move, ``X = K^-1 [J^T; 0]`` is
 what unit impulses do while all joints hold, and ``B = J X`` is dense. Cost grows with n m and m^2: a reference and a judge
 of the other solvers, and fast for a few hundred contacts.
+
+Piles whose impulses are not unique (B is singular) make Gauss-Seidel crawl. Then each round solves a problem that is tied
+to the impulses it starts from, ``B + tie D`` in place of B, well enough posed for Newton's method; ties loosen from round
+to round, and vanish from the answer because it no longer moves.
 """
 
 import numpy as np
@@ -14,14 +18,16 @@ from turnbuckle.compute.start import start_warp
 from turnbuckle.data.contact import ContactProblem, ContactSolution
 from turnbuckle.linalg.factor import Factor
 from turnbuckle.solvers.contact import friction_shapes
+from turnbuckle.solvers.contact.anticipation_newton import finish
 from turnbuckle.solvers.contact.one_contact import SOLVE_ONE_CONTACT
 from turnbuckle.solvers.contact.residuals import contact_residuals
 
 start_warp()
 wp.set_module_options({"enable_backward": False})
 
-SWEEPS = 50  # of Gauss-Seidel between two attempts to finish
-NEWTON = 25  # iterations of an attempt
+SWEEPS = 50  # of Gauss-Seidel a round
+# A tie to the impulses before, in parts of B's diagonal: of each round but the first (proximal points).
+TIES = tuple(10.0 ** np.arange(-1.0, -11.5, -0.5))
 REPEATED = 1e-10  # of the largest: a row of E whose part that is its own is smaller repeats others
 
 I32 = wp.array(dtype=wp.int32)
@@ -45,30 +51,36 @@ def solve_anticipation(
     count = friction_shapes.sides(friction_shape)
     axes = friction_shapes.aligned_axes(problem) if axes is None else np.asarray(axes, dtype=float)
     reduced = Anticipated(problem)
-    r = np.zeros((problem.count, 3)) if start is None else np.array(start, dtype=float)
-    gap = reduced.still.copy()
-    gap[:, 0] -= problem.floor
-    sweeps = newton = 0
+    m = problem.count
+    still = reduced.still.copy()
+    still[:, 0] -= problem.floor
+    own = np.repeat(np.diag(reduced.b).reshape(m, 3).mean(axis=1), 3)
+    r = np.zeros((m, 3)) if start is None else np.array(start, dtype=float)
     best, best_r = np.inf, r
-    while True:
+    sweeps = newton = rounds = 0
+
+    def judge(r: np.ndarray) -> None:
+        nonlocal best, best_r
         velocity, equality = reduced.answer(r)
         residual = contact_residuals(problem, velocity, r, equality, friction_shape, axes).worst
         if residual < best:
             best, best_r = residual, r.copy()
-        if residual <= tolerance or sweeps >= max_iterations:
-            break
-        if sweeps:
-            finished, steps = _finish(reduced.b, gap, problem.friction, count, axes, r)
-            newton += steps
-            velocity, equality = reduced.answer(finished)
-            left = contact_residuals(problem, velocity, finished, equality, friction_shape, axes).worst
-            if left < best:
-                best, best_r = left, finished
-            if left <= tolerance:
-                break
-        todo = min(SWEEPS, max_iterations - sweeps)
-        _sweep(reduced.b, gap, problem.friction, count, axes, r, todo)
+
+    judge(r)
+    while best > tolerance and sweeps < max_iterations:
+        tie = 0.0 if rounds == 0 or rounds > len(TIES) else TIES[rounds - 1]
+        b = reduced.b + np.diag(tie * own)
+        held = still - (tie * own * r.ravel()).reshape(m, 3)
+        todo = min(SWEEPS if rounds <= len(TIES) else sweeps, max_iterations - sweeps)
+        _sweep(b, held, problem.friction, count, axes, r, todo)
+        judge(r)
         sweeps += todo
+        rounds += 1
+        if best > tolerance:
+            finished, steps = finish(b, held, problem.friction, count, axes, r)
+            newton += steps
+            judge(finished)
+            r = finished if tie > 0.0 else r
     velocity, equality = reduced.answer(best_r)
     converged = bool(best <= tolerance)
     return ContactSolution(
@@ -129,86 +141,6 @@ def independent_rows(e: sp.csr_array) -> np.ndarray:
     _, r, order = la.qr(e.toarray().T, mode="economic", pivoting=True)
     size = np.abs(np.diag(r))
     return np.sort(order[: np.count_nonzero(size > REPEATED * size.max(initial=0.0))])
-
-
-def _finish(
-    b: np.ndarray, still: np.ndarray, friction: np.ndarray, count: int, axes: np.ndarray, r: np.ndarray
-) -> tuple[np.ndarray, int]:
-    """Semi-smooth Newton on the natural maps, from where Gauss-Seidel has come. Returns impulses and iterations.
-
-    ``F_n = w r_n - (w r_n - u_n)+``, ``F_t = w r_t - P(w r_t - u_t)``, w a local inverse mass; least squares of the least
-    size, so that redundant contacts do no harm.
-    """
-    m = len(still)
-    own = np.einsum("iij->ij", b.reshape(m, 3, m, 3).transpose(0, 2, 1, 3).reshape(m, m, 9)).reshape(m, 3, 3)
-    w = np.trace(own, axis1=1, axis2=2) / 3.0
-    w[w <= 0.0] = 1.0
-    best, best_size = r, np.inf
-    for step in range(NEWTON):
-        u = (b @ r.ravel()).reshape(m, 3) + still
-        value, of_r, of_u = _natural_map(w, friction, count, axes, r, u)
-        size = float(np.abs(value).max(initial=0.0))
-        if not size < best_size * (1.0 + 1e-12) and step > 8:
-            break
-        if size < best_size:
-            best, best_size = r, size
-        if size < 1e-16:
-            break
-        # rows of F' = of_r + of_u B
-        matrix = np.einsum("iab,ibc->iac", of_u, b.reshape(m, 3, 3 * m)).reshape(3 * m, 3 * m)
-        view = matrix.reshape(m, 3, m, 3)
-        view[np.arange(m), :, np.arange(m), :] += of_r
-        scale = np.repeat(1.0 / w, 3)
-        change = la.lstsq(matrix * scale, -value.ravel(), cond=1e-13, lapack_driver="gelsy")[0] * scale
-        if not np.isfinite(change).all():
-            break
-        r = r + change.reshape(m, 3)
-    best = best.copy()
-    best[:, 0] = np.maximum(best[:, 0], 0.0)
-    best[:, 1:] = friction_shapes.project(best[:, 1:], friction * best[:, 0], count, axes)
-    return best, step + 1
-
-
-def _natural_map(w, friction, count, axes, r, u):
-    """Values (m, 3) and derivatives (m, 3, 3) by impulses and by velocities."""
-    m = len(r)
-    of_r, of_u = np.zeros((m, 3, 3)), np.zeros((m, 3, 3))
-    presses = w * r[:, 0] - u[:, 0] > 0.0
-    value = np.empty((m, 3))
-    value[:, 0] = np.where(presses, u[:, 0], w * r[:, 0])
-    of_u[presses, 0, 0] = 1.0
-    of_r[~presses, 0, 0] = w[~presses]
-    radius = w * friction * np.maximum(r[:, 0], 0.0)
-    tried = w[:, None] * r[:, 1:] - u[:, 1:]
-    held = friction_shapes.project(tried, radius, count, axes)
-    value[:, 1:] = w[:, None] * r[:, 1:] - held
-    by_tried, by_radius = _projection_slope(tried, radius, count, axes)
-    of_u[:, 1:, 1:] = by_tried
-    of_r[:, 1:, 1:] = w[:, None, None] * (np.eye(2) - by_tried)
-    of_r[:, 1:, 0] = -by_radius * (w * friction * (r[:, 0] > 0.0))[:, None]
-    return value, of_r, of_u
-
-
-def _projection_slope(p, radius, count, axes):
-    """Derivatives of `friction_shapes.project` by the point (m, 2, 2) and by the radius (m, 2).
-
-    Of the disk in closed form. A polygon's projection is linear in pieces and of degree one, thus differences within a
-    piece are exact.
-    """
-    if count == 0:
-        size = np.hypot(p[:, 0], p[:, 1])
-        slides = size > radius
-        d = p / np.where(size > 0.0, size, 1.0)[:, None]
-        across = np.eye(2) - d[:, :, None] * d[:, None, :]
-        rim = (radius / np.where(size > 0.0, size, 1.0))[:, None, None] * across
-        return np.where(slides[:, None, None], rim, np.eye(2)), np.where(slides[:, None], d, 0.0)
-    h = 1e-7 * (np.hypot(p[:, 0], p[:, 1]) + radius) + 1e-300
-    here = friction_shapes.project(p, radius, count, axes)
-    by_p = np.stack(
-        [(friction_shapes.project(p + h[:, None] * e, radius, count, axes) - here) / h[:, None] for e in np.eye(2)],
-        axis=2,
-    )
-    return by_p, (friction_shapes.project(p, radius + h, count, axes) - here) / h[:, None]
 
 
 @wp.func_native(
