@@ -1,5 +1,6 @@
 """Reports: what a step and a run tell about themselves. Plain data."""
 
+import re
 from dataclasses import dataclass, field
 
 
@@ -38,6 +39,18 @@ class StepReport:
         return max(self.position_residual.values(), default=0.0)
 
 
+_BROKE = "broke: "
+_NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+
+
+def _kind(message: str) -> str:
+    """What a message says, without its numbers, and without the joints it names and says how far they are open."""
+    if message.startswith(_BROKE):
+        return _BROKE
+    head, colon, names = message.partition(": ")
+    return head if colon and "'" in names else _NUMBER.sub("#", message)
+
+
 def merge_reports(first: StepReport, second: StepReport) -> StepReport:
     """The report of two steps after each other, as of one."""
     out = second
@@ -59,8 +72,12 @@ def merge_reports(first: StepReport, second: StepReport) -> StepReport:
         max(first.momentum_error[0], second.momentum_error[0]),
         max(first.momentum_error[1], second.momentum_error[1]),
     )
-    out.messages = [*first.messages, *(m for m in second.messages if m not in first.messages)]
     out.broken = [*first.broken, *second.broken]
+    told = {
+        _kind(m): m for m in (*first.messages, *second.messages)
+    }  # of one kind the last: it is of the state committed
+    told.pop(_BROKE, None)
+    out.messages = [*told.values(), *([_BROKE + ", ".join(out.broken[:5])] if out.broken else [])]
     if out.status == "ok" and first.status != "ok":
         out.status = first.status
     return out

@@ -21,6 +21,7 @@ from turnbuckle.step.displacement_stage import DisplacementStage
 from turnbuckle.step.domain_search import DomainSearch
 from turnbuckle.step.field_values import field_values
 from turnbuckle.step.joint_certificate import JointCertificate
+from turnbuckle.step.joint_messages import fast_joints, lost_joints, open_joints
 from turnbuckle.step.rigid_measures import RigidMeasures
 from turnbuckle.step.row_forces import write_row_forces
 
@@ -184,10 +185,7 @@ class Articulated:
 
     def lost_joints(self) -> str:
         """What came apart in the step that was lost, the worst first."""
-        score = np.nan_to_num(self._measured(self.ahead)[:2].max(axis=0), nan=np.inf)
-        names = {int(p): j.name for j in self.state.joints.values() if j.acting for p in j.parts}
-        worst = [names[int(p)] for p in np.argsort(-score, kind="stable") if score[p] > LOST and int(p) in names]
-        return ", ".join(f"'{name}'" for name in list(dict.fromkeys(worst))[:3]) or "ties of rigid bodies"
+        return lost_joints(self.state, self._measured(self.ahead), LOST)
 
     # Recording -----------------------------------------------------------------------------------------------------
 
@@ -291,7 +289,9 @@ class Articulated:
             report.rate_residual["joint"], report.rate_residual["joint_rotation"] = float(worst[2]), float(worst[3])
             allowed = TOLERANCE + 64 * np.finfo(float).eps * size
             if self.displacement is None and not (worst <= allowed).all():
-                self._name_worst(report, values, allowed)
+                report.messages.append(open_joints(state, values, allowed))
+            elif self.displacement is not None and (told := fast_joints(state, values, dt, self.model.size)):
+                report.messages.append(told)
 
     def residuals(self) -> np.ndarray:
         """[m], [rad], [m/s], [rad/s] of each part after the last step, shape (4, parts); 0 where none was taken yet."""
@@ -308,19 +308,6 @@ class Articulated:
             else:
                 values[:, here] = np.inf
         return values
-
-    def _name_worst(self, report: StepReport, values: np.ndarray, allowed: float) -> None:
-        names = {int(p): j.name for j in self.state.joints.values() for p in j.parts}
-        score = np.nan_to_num(values.max(axis=0), nan=np.inf)
-        order = np.argsort(-score, kind="stable")[:3]
-        told = []
-        for p in order:
-            if score[p] > allowed:
-                m, rad, rate, spin = values[:, p]
-                told.append(
-                    f"'{names.get(int(p), '?')}' by {m:.2e} m and {rad:.2e} rad (rates {rate:.1e} m/s, {spin:.1e} rad/s)"
-                )
-        report.messages.append(f"joints that cannot be closed: {', '.join(told)}")
 
     def break_joints(self, dt: float) -> list[str]:
         """Switch off for good joints whose mean force or torque of the step has passed their limit; their names."""

@@ -8,6 +8,7 @@ import numpy as np
 from turnbuckle.solvers.displacement.conditions import Poses
 
 WORST = 5  # joints named in a warning
+STAGNATES = 0.9  # of the gap in the middle of the iterations: what is left is not going to close
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ class DisplacementResult:
 
     def worst(self, count: int = WORST) -> list[tuple[str, float, float]]:
         """Name, gap [m] and angle [rad] of the joints that are furthest open, the worst first, none that is closed."""
-        size = np.maximum(self.gap, self.angle)
+        size = np.nan_to_num(np.maximum(self.gap, self.angle), nan=np.inf)
         found: dict[str, tuple[str, float, float]] = {}
         for i in np.argsort(-size, kind="stable"):
             if size[i] > 0.0 and len(found) < count:  # a point constraint has many rows: the worst stands for it
@@ -54,14 +55,24 @@ class DisplacementResult:
         return list(found.values())
 
     def warning(self) -> str:
-        """What to tell the user when the limit on iterations was reached, empty when all joints closed."""
+        """What to tell the user when joints stay open, and what may help; empty when all joints closed."""
         if self.converged:
             return ""
         named = ", ".join(
             f"'{name}' by {gap:.3g} m" + (f" and {angle:.3g} rad" if angle > 0.0 else "")
             for name, gap, angle in self.worst()
         )
-        return (
-            f"displacement: joints are still open after {self.iterations} iterations, the worst are {named}; "
-            "allow more iterations or look for joints that contradict each other"
-        )
+        return f"displacement: joints are still open after {self.iterations} iterations, the worst are {named}; {self._advice()}"
+
+    def _advice(self) -> str:
+        if not np.isfinite(self.history[-1] if self.history else 0.0):
+            return "the corrections diverge: take a smaller dt or alpha"
+        if self.stagnates:
+            return "more iterations hardly help: look for joints that contradict each other, or start from assemble"
+        return "allow more iterations (displacement.max_iterations)"
+
+    @property
+    def stagnates(self) -> bool:
+        """Whether the largest gap has hardly become less over the second half of the iterations."""
+        before = self.history[: len(self.history) // 2 + 1]
+        return len(self.history) > 2 and not self.history[-1] < STAGNATES * min(before)
