@@ -122,7 +122,7 @@ def test_assembled_system_is_that_of_the_reference():
 
 def test_stiffness_and_mass_of_another_finite_element_code():
     skfem = pytest.importorskip("skfem")
-    from skfem.helpers import ddot, dot, eye, sym_grad, trace  # noqa: PLC0415
+    from skfem.helpers import ddot, dot, eye, sym_grad, trace
 
     rest, tetrahedra = wobbly_box((1.0, 0.7, 0.5), (3, 2, 2))
     e, nu, density = 3e5, 0.35, 1100.0

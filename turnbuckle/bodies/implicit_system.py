@@ -20,6 +20,7 @@ from turnbuckle.bodies.corotational_blocks import BLOCKS, corotational_system
 from turnbuckle.bodies.energy_blocks import area_system, volume_system
 from turnbuckle.bodies.spring_blocks import spring_system
 from turnbuckle.compute import Program, host
+from turnbuckle.compute.program import PARALLEL
 from turnbuckle.data.model import Model, Springs
 from turnbuckle.data.rigid import DYNAMIC
 from turnbuckle.linalg.block_gather import PatternArrays, gather_diagonal, gather_pairs
@@ -114,8 +115,11 @@ class ImplicitSystem:
     `force` and `push` (n, 3): F [N, N m] with gravity, and K v [N/s] (zero for rigid bodies).
     """
 
-    def __init__(self, model: Model, threads: int | None = None, stretched: bool = True) -> None:
-        """``stretched``: corotational elements get the tension part of their stiffness (`bodies.corotational`)."""
+    def __init__(
+        self, model: Model, threads: int | None = None, stretched: bool = True, parallel_from: int = PARALLEL
+    ) -> None:
+        """``stretched``: corotational elements get the tension part of their stiffness (`bodies.corotational_blocks`);
+        ``threads``, ``parallel_from`` as in `turnbuckle.compute.Program`."""
         self.model = model
         self.bodies = model.rigid.count
         self.n = model.points + 2 * self.bodies
@@ -131,6 +135,7 @@ class ImplicitSystem:
         self._energies: list[wp.array] = []
         self._powers: list[wp.array] = []
         self._record(own, stretched)
+        self.threads = self._program.finish(parallel_from).threads
 
     # Set-up --------------------------------------------------------------------------------------------------------
 
@@ -199,7 +204,6 @@ class ImplicitSystem:
         p.barrier()
         p.launch(gather_diagonal, model.points, [lists, self._mass, self._data], grain=2)
         self._record_rigid(lists)
-        p.finish()
         self.matrix = sp.bsr_array(
             (host(self._data)[: pattern.nnz], pattern.indices, pattern.indptr), shape=(3 * n, 3 * n), copy=False
         )
