@@ -5,17 +5,19 @@ closest places on the others lie on their borders, their normals point sideways 
 collisions* at internal edges). With u the unit vector from a place to the other side, and d a direction in which the
 surface goes on from the place, moving there brings the sides nearer if ``u . d > 0``. So at a place on
 
-* the inside of a face: nothing is asked;
 * an edge: ``u . d <= noise`` for the direction d into each of its faces, at right angles to the edge;
-* a vertex: ``u . d <= noise`` for every edge at it (directions into faces are sums of two of these).
+* a vertex: ``u . d <= noise`` for every edge at it (directions into faces are sums of two of these);
+* the inside of a face: nothing.
 
 The pair that is nearest of all fulfils every condition, so what is near always keeps a contact. Three additions:
 
+* A vertex over the inside of a face may be anywhere on it, since a body that rests on its face needs more than its
+  lowest corner: of the vertex only ``u . d <= 0.25`` is asked, which leaves out the vertices of a floor beside the steep
+  flank of a body. The same at a place that is as good as inside: on an edge or vertex that is *blunt* (the surface turns
+  away from the plane square to u by less than 0.25 rad), and where one side is a rope, which has no inside.
 * Two edges: where the faces of one are flat and square to u, the place is in truth inside a face, and the contact says
   nothing that vertices and outlines do not: it is left out. An outline has a face on one side only and stays.
-* A vertex and a place on an edge or a vertex that is *blunt* (the surface there turns away from the plane square to u by
-  less than 0.25 rad): as good as inside of a face, nothing is asked of the vertex.
-* Ropes have no inside: where one side has no faces, the vertex' own edges may come nearer by 0.25 rad.
+* Directions into faces without area are not asked.
 """
 
 import warp as wp
@@ -70,7 +72,7 @@ def _edge_around(
     """
     const double *base = (const double *)x.data;
     const double *n = scratch.data + 16 * slot + 4;
-    const double noise = scratch.data[16 * slot + 9] + loose;
+    const double noise = scratch.data[16 * slot + 9];
     const double *a = base + 3 * v;
     double most = -2.0, least = 2.0;
     for (int k = start.data[v]; k < start.data[v + 1]; ++k) {
@@ -83,17 +85,24 @@ def _edge_around(
         least = c_k < least ? c_k : least;
     }
     const int pass = most <= noise;
-    return pass | (pass && sheet.data[v] && least >= -blunt) << 2 | (sheet.data[v] != 0) << 3;
+    // 1: the distance is at a minimum here; 4: blunt; 8: there are faces; 16: nearly at a minimum
+    return pass | (most <= noise + blunt) << 4 | (pass && sheet.data[v] && least >= -blunt) << 2 | (sheet.data[v] != 0) << 3;
 """
 )
 def _vertex_around(
     x: wp.array(dtype=vec3), start: I32, other: I32, sheet: wp.array(dtype=wp.uint8), scratch: F64, slot: int, v: int,
-    sign: wp.float64, loose: wp.float64, blunt: wp.float64,
+    sign: wp.float64, blunt: wp.float64,
 ) -> int: ...  # fmt: skip
 
 
-ANGLE = wp.constant(wp.float64(0.25))  # [rad] up to which a place counts as blunt
-NONE = wp.constant(wp.float64(0.0))
+ANGLE = wp.constant(wp.float64(0.25))  # [rad] what counts as nearly
+
+
+@wp.func
+def vertex_meets_face(x: wp.array(dtype=vec3), near: Neighbourhood, scratch: F64, slot: int, v: int):
+    """Whether a vertex and a place inside of a face are a contact. The normal points to the vertex."""
+    vertex = _vertex_around(x, near.start, near.other, near.sheet, scratch, slot, v, wp.float64(-1.0), ANGLE)
+    return (vertex & 16) != 0
 
 
 @wp.func
@@ -112,12 +121,9 @@ def vertex_meets_edge(
     edge = _edge_around(x, near.edges, near.opposite, scratch, slot, e, sign, ANGLE)
     if (edge & 1) == 0:
         return False
-    if (edge & 4) != 0:
-        return True
-    loose = NONE
-    if (edge & 8) == 0 or near.sheet[v] == wp.uint8(0):
-        loose = ANGLE
-    vertex = _vertex_around(x, near.start, near.other, near.sheet, scratch, slot, v, -sign, loose, ANGLE)
+    vertex = _vertex_around(x, near.start, near.other, near.sheet, scratch, slot, v, -sign, ANGLE)
+    if (edge & 4) != 0 or (edge & vertex & 8) == 0:
+        return (vertex & 16) != 0
     return (vertex & 1) != 0
 
 
@@ -126,9 +132,8 @@ def vertices_meet(
     x: wp.array(dtype=vec3), near: Neighbourhood, scratch: F64, slot: int, v: int, w: int, sign: wp.float64
 ):
     """Whether two vertices are a contact; ``sign`` 1 where the normal points from w to v."""
-    loose = NONE
-    if near.sheet[v] == wp.uint8(0) or near.sheet[w] == wp.uint8(0):
-        loose = ANGLE
-    one = _vertex_around(x, near.start, near.other, near.sheet, scratch, slot, v, -sign, loose, ANGLE)
-    two = _vertex_around(x, near.start, near.other, near.sheet, scratch, slot, w, sign, loose, ANGLE)
-    return (one & two & 1) != 0 or ((one | two) & 4) != 0
+    one = _vertex_around(x, near.start, near.other, near.sheet, scratch, slot, v, -sign, ANGLE)
+    two = _vertex_around(x, near.start, near.other, near.sheet, scratch, slot, w, sign, ANGLE)
+    if ((one | two) & 4) != 0 or (one & two & 8) == 0:
+        return (one & two & 16) != 0
+    return (one & two & 1) != 0

@@ -11,7 +11,7 @@ from turnbuckle.compute.host import host
 from turnbuckle.compute.program import Program
 from turnbuckle.contact.closest import SLOT, closest_edge_edge, closest_vertex_face
 from turnbuckle.contact.neighbourhood import Neighbourhood, make_neighbourhood
-from turnbuckle.contact.normal_cone import edges_meet, vertex_meets_edge, vertices_meet
+from turnbuckle.contact.normal_cone import edges_meet, vertex_meets_edge, vertex_meets_face, vertices_meet
 from turnbuckle.contact.repeats import first_of_each
 from turnbuckle.contact.touching import touching_normals
 from turnbuckle.data.contact import Contacts, Pairs, Surfaces
@@ -119,6 +119,8 @@ def _keep(
     if kind == 0:
         if mask != 15:
             kept = _face_place(x, near, scratch, slot, a, b, mask)
+        else:
+            kept = vertex_meets_face(x, near, scratch, slot, a)
     elif mask == 15:
         kept = edges_meet(x, near, scratch, slot, a, b)
     else:
