@@ -69,7 +69,7 @@ def solve_ica(
         dynamics, contact = passes.dynamics[1], passes.contact[ica_kernels.WORST]
         worst = max(dynamics, contact)
         least = min(least, worst)
-        if not np.isfinite(worst) or worst > DIVERGED * least:
+        if not np.isfinite(worst) or worst > DIVERGED * max(least, tolerance):
             message = f"relaxation diverged after {outer} iterations; halve the step or use another solver"
             break
         if paper:
