@@ -283,3 +283,19 @@ def test_products_and_diagonals():
     assert np.abs(y.numpy().ravel() - a @ u.ravel()).max() < 1e-13 * np.abs(a.data).max()
     blocks = diagonal_blocks(a.data, a.indptr, a.indices)
     assert np.abs(np.linalg.inv(blocks) - inverse.numpy()).max() < 1e-12 * np.abs(inverse.numpy()).max()
+
+
+def test_asking_again_answers_at_once_and_any_change_assembles_anew():
+    model = model_of(rope())
+    system, runs = ImplicitSystem(model), []
+    run = system._program.run
+    system._program.run = lambda: runs.append(run())
+    x, v = model.rest.copy(), np.ones_like(model.rest)
+    first = system.assemble(x, v, 0.1).toarray()
+    assert (system.assemble(x, v.copy(), 0.1).toarray() == first).all() and len(runs) == 1
+    x[2] *= 1.01
+    assert np.abs(system.assemble(x, v, 0.1).toarray() - first).max() > 0.0 and len(runs) == 2
+    system.assemble(x, v, 0.05)
+    system.assemble(x, 2.0 * v, 0.05)
+    system.assemble(x, 2.0 * v, 0.05, gravity=(0.0, 0.0, -9.81))
+    assert len(runs) == 5
