@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from turnbuckle.data.errors import InputError
-from turnbuckle.meshes.character import Dance, bone_motions, figure, skinned
+from turnbuckle.meshes.character import NUMBER, Dance, bone_motions, figure, skinned
 from turnbuckle.meshes.garments import layered_skirt
 from turnbuckle.meshes.read import SurfaceMesh, read_mesh
 from turnbuckle.meshes.sequences import MeshSequence, read_sequence
@@ -52,15 +52,18 @@ def dancer(
         raise InputError("dancer: body is given without garment; give the garment that fits it, too")
     if min(turn_time, kick_time) <= 0.0 or settle < 0.0:
         raise InputError("dancer: turn_time and kick_time must be positive, settle 0 or more")
+    vertices, triangles, held = _garment(garment, layers, around, rows, 1 if up_axis == "Y" else 2)
     if body is None:
         dance = Dance(turn_at, turn_time, kick_at, kick_time)
-        length = max(turn_at + turn_time, kick_at + kick_time) + 0.3
-        times = np.arange(int(np.ceil(length * FRAME_RATE)) + 1) / FRAME_RATE
-        made = figure()
-        sequence = MeshSequence(skinned(made, bone_motions(dance.pose, times)), made.triangles, times)
+        end = max(turn_at + turn_time, kick_at + kick_time) + 0.3
+        times = np.arange(int(np.ceil(end * FRAME_RATE)) + 1) / FRAME_RATE
+        made, motions = figure(), bone_motions(dance.pose, times)
+        sequence = MeshSequence(skinned(made, motions), made.triangles, times)
+        hips = motions[:, NUMBER["pelvis"]]
+        waist = np.einsum("kij,pj->kpi", hips[:, :, :3], vertices[held]) + hips[:, None, :, 3]
     else:
         sequence = read_sequence(Path(body).expanduser(), frame_rate=frame_rate)
-    vertices, triangles, held = _garment(garment, layers, around, rows, 1 if up_axis == "Y" else 2)
+        waist = followers(sequence.vertices, vertices[held])
     length = float(sequence.times[-1]) + settle if duration is None else duration
     scene = Scene("dancer", up_axis=up_axis, dt=dt, duration=float(f"{length:.3g}"), contact={"friction": mu})
     moved = {"frames": sequence.vertices, "triangles": sequence.triangles, "times": sequence.times, "start": settle}
@@ -78,7 +81,7 @@ def dancer(
         "nail",
         "waist",
         points={"body": "dress", "indices": held},
-        goal={"times": sequence.times + settle, "positions": followers(sequence.vertices, vertices[held])},
+        goal={"times": sequence.times + settle, "positions": waist},
     )
     return scene
 
