@@ -16,7 +16,7 @@ from elastic_bodies import (
 from laboratory import Run
 from reference import fem_tetrahedra
 
-from turnbuckle.bodies.corotational_stiffness import corotational_jacobians
+from turnbuckle.bodies.corotational_stiffness import corotational_jacobians, corotational_rows
 from turnbuckle.bodies.implicit_system import ImplicitSystem
 from turnbuckle.bodies.polar import nearest_rotation
 from turnbuckle.meshes.shapes import box_tetrahedra
@@ -207,6 +207,20 @@ def test_dense_jacobians_are_exact():
             where = (3 * corners[:, None] + np.arange(3)).ravel()
             got[np.ix_(where, where)] += block
         assert np.abs(got - want).max() < 1e-7 * np.abs(want).max()
+
+
+def test_rows_of_strains_make_the_stiffness():
+    rest, tetrahedra = wobbly_box((1.0, 1.0, 1.0), (1, 2, 1))
+    model = model_of(solid(rest, tetrahedra, damping=0.2))
+    x = rest @ random_rotation(10).T + 0.1 * np.random.default_rng(10).standard_normal(rest.shape)
+    want = take_apart(ImplicitSystem(model, stretched=False), x).k
+    corners, gradients, k, k_d = corotational_rows(model.corotational, x)
+    got = np.zeros_like(want)
+    for points, g, stiff in zip(corners, gradients, k, strict=True):
+        where = (3 * points[:, None] + np.arange(3)).ravel()
+        got[np.ix_(where, where)] += stiff * np.outer(g, g)
+    assert np.abs(got - want).max() < 1e-12 * np.abs(want).max()
+    assert np.abs(k_d - 0.2 * k).max() == 0.0
 
 
 def test_uniaxial_patch():

@@ -87,6 +87,31 @@ def test_forces_and_damping_of_the_reference(kind):
     assert np.abs(at_rest.k - exact).max() < 1e-5 * np.abs(exact).max()
 
 
+def test_a_taut_triangle_resists_leaving_its_plane_as_much_as_it_does():
+    """Normal displacements see the whole second derivative of a stretched area; of a slack one, nothing is kept."""
+    rest = np.array([[0.0, 0, 0], [1, 0, 0], [0.2, 1.1, 0], [0.3, 0.2, 0.9]])
+    model = model_of(teschner(rest, np.array([[0, 1, 2, 3]])) | {"k_distance": 0.0, "k_volume": 0.0})
+    t = model.tetrahedra
+    one = replace(
+        t, triangles=t.triangles[:1], triangle_area=t.triangle_area[:1], triangle_material=t.triangle_material[:1]
+    )
+    system = ImplicitSystem(replace(model, tetrahedra=one))
+    corners = t.triangles[0]
+    for factor in (1.5, 0.6):
+        x = factor * rest @ random_rotation(12).T
+        a, b, c = x[corners]
+        normal = np.cross(b - a, c - a) / np.linalg.norm(np.cross(b - a, c - a))
+        out = np.zeros((12, 3))
+        for k, corner in enumerate(corners):
+            out[3 * corner : 3 * corner + 3, k] = normal
+        exact = out.T @ force_jacobian(system, x, np.zeros_like(x), "x") @ out
+        got = take_apart(system, x).k
+        assert np.linalg.eigvalsh(got).min() > -1e-12 * np.abs(got).max()
+        want = exact if factor > 1.0 else np.zeros((3, 3))
+        assert np.abs(exact).max() > 0.1
+        assert np.abs(out.T @ got @ out - want).max() < 1e-6 * np.abs(exact).max()
+
+
 def test_springs_in_tension_are_exact_and_in_compression_semi_definite():
     body = rope()
     system = ImplicitSystem(model_of(body))

@@ -63,3 +63,25 @@ def _law(strain: np.ndarray, lam: np.ndarray, mu: np.ndarray) -> np.ndarray:
     flat = strain.reshape(*strain.shape[:2], 9)
     out = 2.0 * mu[:, None, None] * (flat @ flat.transpose(0, 2, 1))
     return out + lam[:, None, None] * trace[:, :, None] * trace[:, None, :]
+
+
+def corotational_rows(solid: Corotational, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """``R K_e R^T`` as ``sum k g g^T``, seven rows an element: six strains and their trace.
+
+    Returns corners (7 n, 4), gradients (7 n, 4, 3) [1/m], k (7 n,) [J] and k_d (7 n,) [J s]: what tells how large a step
+    an explicit scheme may take.
+    """
+    n = len(solid.corners)
+    if n == 0:
+        return np.zeros((0, 4), np.int32), np.zeros((0, 4, 3)), np.zeros(0), np.zeros(0)
+    g, volume = gradients_at_rest(solid.rest)
+    g = np.concatenate([-g.sum(axis=1, keepdims=True), g], axis=1)
+    lam, mu = (volume * c for c in lame(solid))
+    r = nearest_rotations(np.einsum("nka,nkb->nab", x[solid.corners], g))
+    y = np.einsum("nab,nkb->nka", r, g)
+    eye = np.eye(3)
+    rows = [y[:, :, [a]] * eye[a] for a in range(3)]  # strains in world axes have the same invariants
+    rows += [0.5 * (y[:, :, [a]] * eye[b] + y[:, :, [b]] * eye[a]) for a, b in ((1, 2), (2, 0), (0, 1))]
+    k = np.stack([2.0 * mu] * 3 + [4.0 * mu] * 3 + [lam])
+    gradients = np.stack([*rows, y]).reshape(-1, 4, 3)
+    return np.tile(solid.corners, (7, 1)), gradients, k.ravel(), (k * solid.damping).ravel()
