@@ -21,20 +21,22 @@ DYNAMIC = 2
 
 # Parts of joints (column `kind`). Body a carries the point P_a (or the axis), body b the domain; z is the third axis of
 # the frames q_a, q_b. `lo`, `hi` bound the coordinate named last; equality where both are the same.
-POINT = 0  # P_a = P_b
-SEGMENT = 1  # P_a on the line through P_b along z_b; place along it
-RING = 2  # P_a in the plane through P_b with normal z_b; distance from P_b in the plane
-SPHERE = 3  # distance of P_a from P_b
-CURVE = 4  # P_a on curve number `domain` of body b
-SURFACE = 5  # P_a on surface number `domain` of body b
-CALLABLE = 6  # P_a in the user's domain number `domain` of body b
-ANGLE = 7  # angle between z_a and z_b
-TWIST = 8  # twist about the axes z: x_b to x_a (swing-twist)
-FIXED = 9  # both frames turned alike
-MOTOR_AXIAL = 10  # drives the place of P_a along z_b
-MOTOR_TWIST = 11  # drives the rotation of a about z_b relative to b
-ROLLING = 12  # a wheel centred at P_a with axle z_a and radius `hi` rolls on the plane through P_b with normal z_b
-TIE = 13  # weighted points of bodies and mass points at a goal (the point constraints of Local)
+POINT = wp.constant(0)  # P_a = P_b
+SEGMENT = wp.constant(1)  # P_a on the line through P_b along z_b; place along it
+RING = wp.constant(2)  # P_a in the plane through P_b with normal z_b; distance from P_b in the plane
+SPHERE = wp.constant(3)  # distance of P_a from P_b
+CURVE = wp.constant(4)  # P_a on curve number `domain` of body b
+SURFACE = wp.constant(5)  # P_a on surface number `domain` of body b
+CALLABLE = wp.constant(6)  # P_a in the user's domain number `domain` of body b
+ANGLE = wp.constant(7)  # angle between z_a and z_b
+TWIST = wp.constant(8)  # twist about the axes z: x_b to x_a (swing-twist)
+FIXED = wp.constant(9)  # both frames turned alike
+MOTOR_AXIAL = wp.constant(10)  # drives the place of P_a along z_b
+MOTOR_TWIST = wp.constant(11)  # drives the rotation of a about z_b relative to b
+ROLLING = wp.constant(
+    12
+)  # a wheel centred at P_a with axle z_a and radius `hi` rolls on the plane through P_b with normal z_b
+TIE = wp.constant(13)  # weighted points of bodies and mass points at a goal (the point constraints of Local)
 TRANSLATIONS = (POINT, SEGMENT, RING, SPHERE, CURVE, SURFACE, CALLABLE)
 
 ROWS = 3  # of a part at most

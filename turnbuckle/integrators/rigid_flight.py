@@ -20,8 +20,9 @@ equations to first order, directions of the start.
 
 import warp as wp
 
-from turnbuckle.constraints.joints.evaluate import TWIST, evaluate
+from turnbuckle.constraints.joints.evaluate import evaluate
 from turnbuckle.data.articulated import AT, EACH, MOTOR, SOFT, Bodies, Islands, Parts, RowTable, TiedPoints
+from turnbuckle.data.rigid import TWIST
 from turnbuckle.data.state import H
 from turnbuckle.integrators.rigid_closing import close_at_end
 from turnbuckle.integrators.rigid_motion import kick
@@ -51,14 +52,12 @@ from turnbuckle.solvers.equality import acts, clear_right_side, rate_of, solve_i
 wp.set_module_options({"enable_backward": False})
 
 ITERATIONS = wp.constant(60)  # of Newton's method at most
-BALANCED = wp.constant(
-    wp.float64(1e-11)
-)  # [m or rad] that the equations of motion may be left with before the last flight
+# [m or rad] that the equations of motion may be left with before the last flight
+BALANCED = wp.constant(wp.float64(1e-11))
 TRIES = wp.constant(25)  # iterations before the pose is taken to be singular
 SINGULAR = wp.constant(wp.float64(1e-3))  # of a row's own J M^-1 J^T: the rank then
-NEARLY = wp.constant(
-    wp.float64(1e-10)
-)  # [m or rad] from which a step of Newton's method that converges fast is the last
+# [m or rad] from which a step of Newton's method that converges fast is the last
+NEARLY = wp.constant(wp.float64(1e-10))
 OPEN = wp.constant(wp.float64(2e-12))  # [m or rad] from which what is left open is closed at the end of the flight
 ROUND = wp.constant(wp.float64(1e-15))  # of the largest coordinate
 PASSES = wp.constant(30)  # over the active set at most

@@ -2,8 +2,9 @@
 
 import warp as wp
 
-from turnbuckle.constraints.joints.evaluate import MOTOR_TWIST, evaluate
+from turnbuckle.constraints.joints.evaluate import evaluate
 from turnbuckle.data.articulated import EACH, LIMIT, MOTOR, SOFT, Bodies, Islands, Parts, RowTable, TiedPoints
+from turnbuckle.data.rigid import MOTOR_TWIST
 from turnbuckle.data.state import GRAVITY, H
 from turnbuckle.integrators.rigid_rows import CHANGES, UNBOUND, blocked, follow_twist, outside, wanted_rate
 from turnbuckle.linalg.block_ldl import RANK, BlockMatrix
@@ -14,9 +15,8 @@ from turnbuckle.solvers.equality import acts, clear_right_side, factor_island, r
 
 wp.set_module_options({"enable_backward": False})
 
-OPEN = wp.constant(
-    wp.float64(1e-7)
-)  # [m or rad] by which a limit was passed before the step: it began open, or was switched on
+# [m or rad] by which a limit was passed before the step: it began open, or was switched on
+OPEN = wp.constant(wp.float64(1e-7))
 TOUCH = wp.constant(wp.float64(1e-9))  # [m or rad] from a limit on which velocities obey it
 
 

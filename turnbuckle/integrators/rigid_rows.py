@@ -2,8 +2,8 @@
 
 import warp as wp
 
-from turnbuckle.constraints.joints.evaluate import MOTOR_TWIST, TWIST
 from turnbuckle.data.articulated import AT, EACH, EQUAL, LIMIT, MOTOR, SOFT, Bodies, Parts, RowTable
+from turnbuckle.data.rigid import MOTOR_TWIST, TWIST
 from turnbuckle.math.index import known
 from turnbuckle.math.rotation import wrapped
 from turnbuckle.math.types import real, vec3

@@ -36,6 +36,7 @@ class Articulated:
     def __init__(self, model: Model, state: State) -> None:
         self.model, self.state = model, state
         self.ahead = RigidState.at_rest(model.rigid.count, model.device)
+        self._system: System | None = None  # made by `follow`
         self.exists = model.rigid.count > 1
         self._damped = bool(model.rigid.damping.any())
         self._were_loaded = True  # loads of the last step may still be on the device
@@ -45,7 +46,7 @@ class Articulated:
     def follow(self) -> None:
         """Catch up with joints or ties that were added, removed or switched, and with bodies that were put elsewhere."""
         self._stay()
-        self.system = System(self.model, self.state)
+        self._system = System(self.model, self.state)
         self.opened = np.inf
         self.certificate = JointCertificate(self.state, self.model.device)
         self.search = DomainSearch(self.state, self.system)
@@ -58,6 +59,19 @@ class Articulated:
             g.acting and (g.moving or g.kind == "velocity") for g in self.state.groups.values()
         ) and bool(len(self.system.ties.target))
 
+    @property
+    def system(self) -> System:
+        """The arrays of the layout that `follow` has last seen, made where there are none yet."""
+        if self._system is None:
+            self.follow()
+        assert self._system is not None
+        return self._system
+
+    @property
+    def _follows(self) -> bool:
+        """Whether the arrays are those of the joints that there are now; else all follows before the next step."""
+        return self._system is not None and self._system.joint_parts == self.state.parts.count
+
     def _stay(self) -> None:
         """What does not move is at the end of a step where it is at its start."""
         for name in "xqvw":
@@ -69,7 +83,7 @@ class Articulated:
 
     def drive(self) -> None:
         """Tell the device the targets of motors."""
-        if hasattr(self, "system") and self.system.joint_parts == self.state.parts.count:
+        if self._follows:
             targets = self.system.parts.target.numpy()
             targets[: self.state.parts.count] = self.state.parts.target
             self.system.parts.target.assign(targets)
@@ -247,11 +261,9 @@ class Articulated:
 
     def place_points(self) -> None:
         """Put the points of rigid bodies where their bodies are now (poses were written by hand)."""
-        if not hasattr(self, "system"):
-            self.follow()
+        system, state = self.system, self.state
         self._stay()
-        state = self.state
-        bodies = self.system.bodies(state.rigid, state.rigid, state.rigid)
+        bodies = system.bodies(state.rigid, state.rigid, state.rigid)
         body, point, local, count = self.system.slaves
         wp.launch(
             place_points,
@@ -295,7 +307,7 @@ class Articulated:
 
     def residuals(self) -> np.ndarray:
         """[m], [rad], [m/s], [rad/s] of each part after the last step, shape (4, parts); 0 where none was taken yet."""
-        if not hasattr(self, "system") or self.system.joint_parts != self.state.parts.count:
+        if not self._follows:
             return np.zeros((4, self.state.parts.count))
         return self._measured(self.state.rigid)[:, : self.state.parts.count]
 
@@ -348,8 +360,8 @@ class Articulated:
             if wanted != joint.acting:
                 joint.acting = wanted
                 changed = True
-        if changed and hasattr(self, "system") and self.system.joint_parts == state.parts.count:
-            self._switch_parts()  # else all follows soon
+        if changed and self._follows:
+            self._switch_parts()
 
     def _switch_parts(self) -> None:
         """Tell the device which parts act; under the displacement solver its kernels close none."""

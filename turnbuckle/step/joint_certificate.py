@@ -7,23 +7,14 @@ import numpy as np
 import warp as wp
 
 from turnbuckle.compute import Program, host
-from turnbuckle.data import rigid
 from turnbuckle.data.articulated import Bodies, Parts
-from turnbuckle.data.rigid import FREE
+from turnbuckle.data.rigid import ANGLE, FIXED, FREE, POINT, RING, ROLLING, SEGMENT, SPHERE, TWIST
 from turnbuckle.data.state import State
 from turnbuckle.math.index import known
 from turnbuckle.math.types import real, vec3
 
 wp.set_module_options({"enable_backward": False})
 
-POINT = wp.constant(rigid.POINT)
-SEGMENT = wp.constant(rigid.SEGMENT)
-RING = wp.constant(rigid.RING)
-SPHERE = wp.constant(rigid.SPHERE)
-ANGLE = wp.constant(rigid.ANGLE)
-TWIST = wp.constant(rigid.TWIST)
-FIXED = wp.constant(rigid.FIXED)
-ROLLING = wp.constant(rigid.ROLLING)
 UNBOUND = wp.constant(wp.float64(FREE))
 NEAR = wp.constant(wp.float64(1e-9))  # [m or rad] from a limit: here the rate must not lead out
 

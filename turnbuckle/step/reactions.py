@@ -27,8 +27,6 @@ DENSE = 1200  # rows up to which a least-norm solution is computed densely
 def reactions(model: Model, state: State, articulated: Any) -> tuple[np.ndarray, np.ndarray]:
     """Forces on body1 [N], and torques about the joint's place [N m], of all parts, (parts, 3) each, world axes."""
     n = state.parts.count
-    if not hasattr(articulated, "system"):
-        articulated.follow()
     articulated.update_windows(max(state.dt, 1e-9))  # joints that act from now on
     system = articulated.system
     bodies = model.rigid

@@ -12,23 +12,23 @@ from turnbuckle.constraints.joints.segment import place_row, segment_rows
 from turnbuckle.constraints.joints.sphere import sphere_rows
 from turnbuckle.constraints.joints.tie import tie_rows
 from turnbuckle.constraints.joints.twist import fixed_rows, twist_row
-from turnbuckle.data import rigid
 from turnbuckle.data.articulated import EACH, Bodies, Parts, RowTable, TiedPoints
+from turnbuckle.data.rigid import (
+    ANGLE,
+    FIXED,
+    MOTOR_AXIAL,
+    MOTOR_TWIST,
+    POINT,
+    RING,
+    ROLLING,
+    SEGMENT,
+    SPHERE,
+    TIE,
+    TWIST,
+)
 from turnbuckle.math.types import vec3
 
 wp.set_module_options({"enable_backward": False})
-
-POINT = wp.constant(rigid.POINT)
-SEGMENT = wp.constant(rigid.SEGMENT)
-RING = wp.constant(rigid.RING)
-SPHERE = wp.constant(rigid.SPHERE)
-ANGLE = wp.constant(rigid.ANGLE)
-TWIST = wp.constant(rigid.TWIST)
-FIXED = wp.constant(rigid.FIXED)
-MOTOR_AXIAL = wp.constant(rigid.MOTOR_AXIAL)
-MOTOR_TWIST = wp.constant(rigid.MOTOR_TWIST)
-ROLLING = wp.constant(rigid.ROLLING)
-TIE = wp.constant(rigid.TIE)
 
 
 @wp.func
