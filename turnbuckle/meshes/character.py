@@ -132,8 +132,9 @@ class Dance:
         near = _bump((t - self.turn_at) / self.turn_time)
         up = _bump((t - self.kick_at) / self.kick_time)
         bend = _bump((t - self.kick_at + 0.1 * self.kick_time) / (0.7 * self.kick_time))  # the knee stretches late
-        sway = 0.5 - 0.5 * np.cos(2.0 * np.pi * min(t / max(self.turn_at, 1e-9), 1.0))
-        raised = 0.15 + 0.6 * _smoother(t / max(self.turn_at, 1e-9)) - 0.3 * near
+        begun = float(np.clip(t / max(self.turn_at, 1e-9), 0.0, 1.0))
+        sway = 0.5 - 0.5 * np.cos(2.0 * np.pi * begun)
+        raised = 0.15 + 0.6 * _smoother(begun) - 0.3 * near
         shift = np.array([0.02 * sway, -0.03 * up, 0.01 * near])
         turns = {
             "pelvis": Rotation.from_rotvec([0.0, 0.0, turn]) * Rotation.from_rotvec([-0.12 * up, 0.05 * sway, 0.0]),

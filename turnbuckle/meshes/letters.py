@@ -94,9 +94,16 @@ def _outline(character: str, path: str) -> tuple[np.ndarray, ...]:
 
 @lru_cache(maxsize=8)
 def _capital_height(path: str) -> float:
+    from fontTools.pens.boundsPen import BoundsPen
+
     font = _font(path)
-    height = getattr(font["OS/2"], "sCapHeight", 0) if "OS/2" in font else 0
-    return float(height or 0.7 * font["head"].unitsPerEm)
+    names, glyphs = font.getBestCmap(), font.getGlyphSet()
+    if ord("H") in names:
+        pen = BoundsPen(glyphs)
+        glyphs[names[ord("H")]].draw(pen)
+        if pen.bounds is not None:
+            return float(pen.bounds[3])
+    return 0.7 * float(font["head"].unitsPerEm)
 
 
 def _quadratic(points: list[np.ndarray], corners: list[np.ndarray], closed: bool) -> None:
