@@ -220,6 +220,8 @@ def tied_rows(state: State, group: Group) -> np.ndarray:
 
 
 def _check_tied(model: Model, group: Group) -> None:
+    if model.surfaces is not None:
+        return  # beside contact all rows are solved together
     if model.integrator in ("explicit_euler", "beeman", "implicit_euler", "newmark"):
         raise InputError(
             f"constraint '{group.name}' takes a point of a rigid body, which integrator {model.integrator!r} cannot tie to "

@@ -38,6 +38,7 @@ class JointReports:
         count = sum(j.acting for j in state.joints.values())
         if not count:
             return
+        report.energies["elastic"] = report.energies.get("elastic", 0.0) + self.joints.elastic_energy()
         system = self.articulated.system
         bodies = system.bodies(state.rigid, state.rigid, state.rigid)
         values = self.articulated.certificate.values

@@ -239,6 +239,17 @@ class ContactJoints:
         self.active[part, k] = wanted
         total[part, k] = h * np.where(wanted > 0, below, np.where(wanted < 0, -above, 0.0))
 
+    def elastic_energy(self) -> float:
+        """Energy in soft rows at the state [J]."""
+        soft = (self.modes == SOFT).any(axis=1)
+        if not soft.any():
+            return 0.0
+        parts = self.state.parts
+        s = self.geometry.rows(host(self.state.rigid.x), host(self.state.rigid.q)).s
+        s = np.where(self.twist[:, None], unwound(s, self.s0), s) if hasattr(self, "s0") else s
+        beyond = np.where(self.modes == SOFT, _outside(s, parts.lo[:, None], parts.hi[:, None]), 0.0)
+        return float(0.5 * parts.stiffness @ (beyond * beyond).sum(axis=1))
+
     def _revise_motors(self, impulse: np.ndarray, s: np.ndarray) -> None:
         part = np.flatnonzero(self.modes[:, 0] == MOTOR)
         if not len(part):
