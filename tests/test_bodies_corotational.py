@@ -1,5 +1,7 @@
 """Corotational tetrahedra: rotations, forces, Jacobians, against finite elements of others, and the mechanics of solids."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.sparse.linalg as spla
@@ -19,6 +21,7 @@ from reference import fem_tetrahedra
 from turnbuckle.bodies.corotational_stiffness import corotational_jacobians, corotational_rows
 from turnbuckle.bodies.implicit_system import ImplicitSystem
 from turnbuckle.bodies.polar import nearest_rotation
+from turnbuckle.data.errors import InputError
 from turnbuckle.meshes.shapes import box_tetrahedra
 
 REST = np.array([[0, 0, 0], [1, 0, 0], [0.2, 1.1, 0], [0.3, 0.2, 0.9]], dtype=float)
@@ -221,6 +224,18 @@ def test_rows_of_strains_make_the_stiffness():
         got[np.ix_(where, where)] += stiff * np.outer(g, g)
     assert np.abs(got - want).max() < 1e-12 * np.abs(want).max()
     assert np.abs(k_d - 0.2 * k).max() == 0.0
+
+
+@pytest.mark.parametrize("height", [0.0, -0.5])
+def test_an_element_without_volume_at_rest_is_named(height):
+    model = model_of(solid(REST, ONE))
+    rest = model.corotational.rest.copy()
+    rest[0, 3, 2] = height
+    broken = replace(model, corotational=replace(model.corotational, rest=rest))
+    with pytest.raises(
+        InputError, match="tetrahedron 0 of corotational solids, of points 0, 1, 2, 3, is flat or inside out"
+    ):
+        ImplicitSystem(broken)
 
 
 def test_uniaxial_patch():

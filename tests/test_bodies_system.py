@@ -8,6 +8,7 @@ import pytest
 import scipy.sparse.linalg as spla
 import warp as wp
 from elastic_bodies import force_jacobian, minus_gradient, model_of, random_rotation, solid, take_apart, wobbly_box
+from laboratory import Run
 from reference import energies
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
@@ -85,6 +86,32 @@ def test_forces_and_damping_of_the_reference(kind):
     at_rest = take_apart(system, rest)
     exact = force_jacobian(system, rest, np.zeros_like(rest), "x")
     assert np.abs(at_rest.k - exact).max() < 1e-5 * np.abs(exact).max()
+
+
+def test_explicit_schemes_see_the_same_forces():
+    vertices, tetrahedra = wobbly_box((1.0, 1.0, 1.0), (1, 2, 1))
+    sheet = {
+        "type": "cloth",
+        "size": [1.0, 0.7],
+        "cells": [4, 3],
+        "mass": 1.0,
+        "structural_stiffness": 40.0,
+        "damping": 0.1,
+    }
+    sheet |= {"bend_model": "hinges", "bend_stiffness": 0.3, "bend_damping": 0.02}
+    soft = {"name": "soft", **teschner(vertices, tetrahedra)}
+    bodies = [{"name": "cloth", **sheet}, soft, {"name": "solid", **solid(vertices, tetrahedra, damping=0.05)}]
+    rng = np.random.default_rng(13)
+    model = turnbuckle.Simulation(turnbuckle.Scene("same", bodies=bodies)).model
+    x, v = model.rest + 0.1 * rng.standard_normal((model.points, 3)), rng.standard_normal((model.points, 3))
+    run = Run({"integrator": "explicit_euler", "bodies": bodies}, x, v)
+    run.step(1e-3)
+    system = ImplicitSystem(model)
+    system.assemble(x, v, 1.0)
+    got = run.m[:, None] * (run.v - v) / 1e-3
+    assert np.abs(got - system.force[: model.points]).max() < 1e-11 * np.abs(system.force).max()
+    system.assemble(run.x, run.v, 1.0)
+    assert run.report.energies["elastic"] == pytest.approx(system.elastic_energy(), rel=1e-12)
 
 
 def test_a_taut_triangle_resists_leaving_its_plane_as_much_as_it_does():

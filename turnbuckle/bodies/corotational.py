@@ -23,6 +23,7 @@ import numpy as np
 import warp as wp
 
 from turnbuckle.bodies.polar import from_rows, nearest_rotation
+from turnbuckle.data.errors import InputError
 from turnbuckle.data.model import Corotational
 from turnbuckle.math.index import known
 from turnbuckle.math.types import real, vec3
@@ -189,7 +190,14 @@ def lame(solid: Corotational) -> tuple[np.ndarray, np.ndarray]:
 
 
 def upload_corotational(solid: Corotational, device: str) -> Elements:
-    """Arrays on ``device``."""
+    """Arrays on ``device``. Raises `InputError` for an element without volume at rest."""
+    edges = solid.rest[:, 1:] - solid.rest[:, :1]
+    flat = np.flatnonzero(~(np.linalg.det(edges) > 0.0))
+    if len(flat):
+        corners = ", ".join(str(c) for c in solid.corners[flat[0]])
+        raise InputError(
+            f"tetrahedron {flat[0]} of corotational solids, of points {corners}, is flat or inside out at rest; mend its mesh"
+        )
     gradient, volume = gradients_at_rest(solid.rest)
     lam, mu = lame(solid)
     out = Elements()
