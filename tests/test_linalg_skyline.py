@@ -50,9 +50,10 @@ def test_parts_are_solved(nailed):
     r = rng.normal(size=(n, 3))
     z = wp.zeros(n, dtype=wp.vec3d, device="cpu")
     held = put(fixed, wp.uint8)
+    go = wp.zeros(1, dtype=wp.float64, device="cpu")
     given = [put(a.indptr, wp.int32), put(a.indices, wp.int32), put(a.data, wp.mat33d), held]
     wp.launch(factor_parts, parts.count, inputs=[0, *factors.factor_inputs(*given)], device="cpu")
-    wp.launch(solve_parts, parts.count, inputs=[0, *factors.solve_inputs(held, put(r, wp.vec3d), z)], device="cpu")
+    wp.launch(solve_parts, parts.count, inputs=[0, *factors.solve_inputs(held, put(r, wp.vec3d), z, go)], device="cpu")
     free = np.repeat(fixed == 0, 3)
     wanted = np.zeros(3 * n)
     wanted[free] = np.linalg.solve(dense[free][:, free], r.ravel()[free])

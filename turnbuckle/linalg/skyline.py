@@ -169,10 +169,12 @@ def factor_parts(begin: int, offsets: I32, nodes: I32, lead: I32, start: I32, lo
 
 @wp.kernel
 def solve_parts(begin: int, offsets: I32, nodes: I32, lead: I32, start: I32, number: F64,
-                fixed: wp.array(dtype=wp.uint8), r: wp.array(dtype=wp.vec3d), work: F64,
+                fixed: wp.array(dtype=wp.uint8), r: wp.array(dtype=wp.vec3d), work: F64, stop: F64, at: int,
                 z_out: wp.array(dtype=wp.vec3d)):  # fmt: skip
-    """z = (L L^T)^-1 r of each part; zero in ``fixed`` blocks, nothing written outside of parts."""
+    """z = (L L^T)^-1 r of each part, unless ``stop[at]``; zero in ``fixed`` blocks, nothing written outside of parts."""
     part = begin + wp.tid()
+    if stop[at] != real(0.0):
+        return
     solve_part(offsets[part], offsets[part + 1], nodes, lead, start, number, fixed, r, work, z_out)
 
 
@@ -194,6 +196,6 @@ class SkylineFactors:
         """Of `factor_parts`."""
         return [self.offsets, self.nodes, self.lead, self.start, self.local, starts, others, a, fixed, self.number]
 
-    def solve_inputs(self, fixed: wp.array, r: wp.array, z: wp.array) -> list:
-        """Of `solve_parts`."""
-        return [self.offsets, self.nodes, self.lead, self.start, self.number, fixed, r, self.work, z]
+    def solve_inputs(self, fixed: wp.array, r: wp.array, z: wp.array, stop: wp.array, at: int = 0) -> list:
+        """Of `solve_parts`, which does nothing where ``stop[at]`` is not zero."""
+        return [self.offsets, self.nodes, self.lead, self.start, self.number, fixed, r, self.work, stop, at, z]

@@ -25,19 +25,21 @@ import warp as wp
 
 from turnbuckle.compute import Program, host
 from turnbuckle.data.contact import ContactProblem, ContactSolution
+from turnbuckle.linalg.skyline import SkylineFactors, factor_parts, find_parts, solve_parts
+from turnbuckle.solvers.contact import newton_gradients as cg_kernels
 from turnbuckle.solvers.contact import newton_kernels as kernels
 from turnbuckle.solvers.contact.newton_buffers import Buffers
 from turnbuckle.solvers.contact.newton_equality import EqualityRows
 
 SCALE = 3.0  # rho times the compliance of a contact by itself
 GATE = 3.0  # multipliers are updated once the gradient is below this times what they miss by
-FORCING = 0.3  # part of the gradient that conjugate gradients may leave
+FORCING = 0.1  # part of the gradient that conjugate gradients may leave
 BATCH = 8  # iterations of conjugate gradients between two looks at the result
 CG_LIMIT = 200.0
 TILES = 64
 SMALL = 500  # blocks and contacts below which one thread does all
-SLOW = 0.5  # multipliers that gain less a round make the penalty grow
-GROWTH = 3.0
+SLOW = 0.8  # multipliers that gain less a round make the penalty grow
+GROWTH = 1.5
 LARGEST = 1e4  # the largest SCALE
 WORSE = 0.7  # a step that leaves more than this of the gradient is looked at again
 LEAST = 1e-3  # the shortest part of a step
@@ -71,6 +73,8 @@ class NewtonSolver:
         self._programs: dict[str, Program] = {}
         self._key: tuple = ()
         self.rows: EqualityRows | None = None
+        self.factors: SkylineFactors | None = None
+        self._parts_of: tuple = ()
 
     def solve(
         self,
@@ -88,6 +92,7 @@ class NewtonSolver:
         b.take(problem, tiles)
         if problem.e is not None and problem.e.shape[0]:
             self.rows = EqualityRows(problem, b)
+        self._find_parts(problem)
         self._record(tiles)
         b.write("v", (problem.free if velocity is None else velocity).reshape(-1, 3))
         b.write("multiplier", np.zeros((m, 3)) if start is None else start)
@@ -189,6 +194,18 @@ class NewtonSolver:
     def _run(self, name: str) -> None:
         self._programs[name].run()
 
+    def _find_parts(self, problem: ContactProblem) -> None:
+        """Small bodies, whose own matrix the preconditioner inverts; not those that equality rows hold."""
+        a = problem.a
+        left_out = np.zeros(len(problem.free) // 3, dtype=bool)
+        if self.rows is not None:
+            left_out[self.rows.full.indices // 3] = True
+        key = (a.indptr.tobytes(), a.indices.tobytes(), left_out.tobytes())
+        if key != self._parts_of:
+            self._parts_of, self._key = key, ()
+            parts = find_parts(a.indptr, a.indices, left_out)
+            self.factors = SkylineFactors(parts, self.device) if parts.count else None
+
     def _record(self, tiles: int) -> None:
         key = (self.buffers.grown, tiles, self.rows is not None)
         if key == self._key:
@@ -209,37 +226,42 @@ class NewtonSolver:
                 out.barrier()
             return out.finish()
 
-        k, t = kernels, tiles
+        k, cg, t = kernels, cg_kernels, tiles
         matrix = [b.starts, b.others, b.a]
         transposed = [b.t_offsets, b.t_entries, b.t_contacts, b.j]
         forces = (k.contact_forces, [*contact, b.v, b.floor, b.mu, b.rho, b.shift, b.multiplier, b.r, b.d, b.errors], t)
         slope = (k.gradient, [t, s, *matrix, *transposed, b.fixed, b.v, b.free, b.load, b.r, b.d, b.local, b.partner, b.g,
                               b.diagonal, b.coupled, b.errors], t)  # fmt: skip
         invert = (k.invert_blocks, [t, s, b.partner, b.diagonal, b.coupled, b.m, b.n], t)
-        apply = (k.apply_blocks, [t, s, b.partner, b.fixed, b.m, b.n, b.residual, b.z], t)
+        apply = [(cg.apply_blocks, [t, s, b.partner, b.fixed, b.m, b.n, b.residual, b.z], t)]
+        factor = []
+        if self.factors is not None:
+            f, parts = self.factors, self.factors.parts.count
+            apply.append((solve_parts, f.solve_inputs(b.fixed, b.residual, b.z, b.scalars, int(k.DONE)), parts))
+            factor = [(factor_parts, f.factor_inputs(b.starts, b.others, b.a, b.fixed), parts)]
         project = [] if self.rows is None else [lambda: self.rows.project()]  # type: ignore[union-attr]
         penalties = (k.penalties, [*contact, b.local, b.fixed, b.scale, b.rho], t)
-        rz = (k.dot, [t, s, b.residual, b.z, b.sums], t)
+        rz = (cg.dot, [t, s, b.residual, b.z, b.sums], t)
         iteration: list = [
-            (k.direct, [t, s, b.scalars, b.z, b.p], t),
-            (k.contact_product, [t, s, b.scalars, b.offsets, b.columns, b.j, b.d, b.p, b.y], t),
-            (k.product, [t, s, b.scalars, *matrix, *transposed, b.fixed, b.y, b.p, b.q, b.sums], t),
-            (k.step_length, [t, b.sums, b.scalars], 1),
-            (k.advance, [t, s, b.scalars, b.partner, b.p, b.q, b.dv, b.residual], t),
-            apply, *project, rz,
-            (k.next_direction, [t, b.sums, CG_LIMIT, b.scalars], 1),
+            (cg.direct, [t, s, b.scalars, b.z, b.p], t),
+            (cg.contact_product, [t, s, b.scalars, b.offsets, b.columns, b.j, b.d, b.p, b.y], t),
+            (cg.product, [t, s, b.scalars, *matrix, *transposed, b.fixed, b.y, b.p, b.q, b.sums], t),
+            (cg.step_length, [t, b.sums, b.scalars], 1),
+            (cg.advance, [t, s, b.scalars, b.partner, b.p, b.q, b.dv, b.residual], t),
+            *apply, *project, rz,
+            (cg.next_direction, [t, b.sums, CG_LIMIT, b.scalars], 1),
         ]  # fmt: skip
         batch = BATCH if self.rows is None else 1
         self._programs = {
-            "begin": program((k.local_inverses, [t, s, *matrix, b.local], t), penalties),
+            "begin": program((k.local_inverses, [t, s, *matrix, b.local], t), penalties, *factor),
             "penalties": program(penalties),
             "evaluate": program(forces, slope, invert, (k.largest, [t, b.errors, b.scalars], 1),
                                 (k.wanted_shift, [*contact, b.v, b.mu, b.y], t)),
             "update": program((k.update_multipliers, [*contact, b.v, b.mu, b.r, b.shift, b.multiplier], t)),
-            "newton": program((k.begin_gradients, [t, s, b.g, b.residual, b.dv], t), apply, *project, rz,
-                              (k.first_direction, [t, b.sums, FORCING, b.scalars], 1), *(iteration * batch)),
+            "newton": program((cg.begin_gradients, [t, s, b.g, b.residual, b.dv, b.scalars], t), *apply, *project, rz,
+                              (cg.first_direction, [t, b.sums, FORCING, b.scalars], 1), *(iteration * batch)),
             "iterate": program(*(iteration * batch)),
-            "slope": program((k.dot, [t, s, b.g, b.dv, b.sums], t)),
+            "slope": program((cg.dot, [t, s, b.g, b.dv, b.sums], t)),
             "move_trial": program((k.move, [t, s, b.length, b.v, b.dv, b.trial], t)),
             "move_v": program((k.move, [t, s, b.length, b.v, b.dv, b.v], t)),
             **{
