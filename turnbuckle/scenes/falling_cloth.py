@@ -23,8 +23,8 @@ def falling_cloth(
     """A square of cloth falls on its edge and lays itself in folds on the ground (Contact, Figure 5).
 
     A sheet of `size` [m] and `cells` cells a side (49: 2,500 vertices, as in the paper) hangs on its edge `height` [m]
-    over the ground, leaning by `tilt` [degrees], and is let go. Folds stack on folds. `mu` is the friction of cloth on
-    cloth and on the ground: at 0.05 the heap spreads, at 0.6 it stands higher.
+    over the ground, leaning by `tilt` [degrees], and is let go. Folds stack on folds. `mu` 0.3 is the friction of cloth
+    on cloth and on the ground: at 0.05 the heap spreads, at 0.6 it stands higher.
     `density` [kg/m^2] 0.2, springs along edges and diagonals of `stiffness` [N/m] 400 and `damping` [N s/m], bending by
     the angle between triangles, `bend_stiffness` [N m/rad] 3e-5. The paper's step is 4 ms, for 4 s.
     """

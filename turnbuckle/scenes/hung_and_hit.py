@@ -118,4 +118,6 @@ def _add_hammer(scene: Scene, angle: float, density: float, soft: dict) -> None:
         **soft,
     )
     back = np.array([i * 3 for i in range(16)])  # points of the box with x = 0: 3 points a row along x
-    scene.add_constraint("attach", "glue", points={"body": "buffer", "indices": back}, to={"body": "head", "nearest": "triangle"})
+    scene.add_constraint(
+        "attach", "glue", points={"body": "buffer", "indices": back}, to={"body": "head", "nearest": "triangle"}
+    )
