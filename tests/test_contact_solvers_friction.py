@@ -60,7 +60,7 @@ def test_slope_holds_below_the_friction_angle_and_slides_above(solver: str, kind
 @pytest.mark.parametrize("shape", ["cone", "pyramid4", "pyramid8", "pyramid16"])
 def test_sliding_slows_alike_in_every_direction(solver: str, shape: str) -> None:
     """Pyramids are aligned to the motion, so that one contact at a time they are exact."""
-    for direction in np.linspace(0.0, 2.0 * np.pi, 9):
+    for direction in np.linspace(0.1, 5.1, 5):
         way = np.array([np.cos(direction), np.sin(direction), 0.0])
         problem = body_on_plane("cloth", 0.5, slope(0.0, 0.0), way)
         found = SOLVERS[solver](problem, tolerance=1e-11, friction_shape=shape)

@@ -30,7 +30,7 @@ def test_frictionless_is_the_quadratic_program_from_any_start(name: str) -> None
     exact = solve_frictionless(problem)
     for seed in range(2):
         start = np.random.default_rng(seed).random((problem.count, 3)) * [0.1, 0.0, 0.0]
-        found = solve_ica(problem, start=start, tolerance=2e-11, max_iterations=5000)
+        found = solve_ica(problem, start=start, tolerance=5e-11, max_iterations=5000)
         assert found.converged, found.message
         assert np.abs(found.velocity - exact).max() < 1e-8
 

@@ -297,7 +297,7 @@ def chain_on_plane(links: int = 8, mu: float = 0.4, seed: int = 0, h: float = 0.
     return world.problem()
 
 
-def mixed(mu: float = 0.4, seed: int = 0, h: float = 5e-3) -> ContactProblem:
+def mixed(mu: float = 0.4, seed: int = 0, h: float = 5e-3, stiffness: float = 20.0) -> ContactProblem:
     """A rigid box on cloth on a soft cube on the ground; a corner of the cloth nailed, a corner of the box jointed to it.
 
     Everything a problem may hold: all kinds of bodies, fixed blocks and equality rows.
@@ -305,7 +305,7 @@ def mixed(mu: float = 0.4, seed: int = 0, h: float = 5e-3) -> ContactProblem:
     world = World(h, np.random.default_rng(seed))
     rng, cells, n = world.rng, 2, 7
     cube = add_cube(world, cells, 0.12, np.zeros(3), 1e5)
-    cloth = add_cloth(world, n, np.array([0.0, 0.0, 0.122]))
+    cloth = add_cloth(world, n, np.array([0.0, 0.0, 0.122]), stiffness=stiffness)
     x, half = np.array([0.06, 0.06, 0.174]), np.array([0.05, 0.05, 0.05])
     box = world.add_rigid(x, 1.0, half @ half / 3.0 * np.eye(3) * 2 / 3, np.array([0.4, 0.0, -0.5]), np.ones(3))
     for i in cube[:, :, 0].ravel():

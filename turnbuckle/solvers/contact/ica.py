@@ -128,6 +128,8 @@ class _Passes:
         self._impulse, self._change = _floats(self.impulse_host), _floats(self.change_host)
         self._base, self._velocity = _floats(self.base_host), _floats(self.velocity_host)
         self._pulled, self._free = _floats(self.pulled_host), _floats(problem.free)
+        self._reached_host, self._control_host = np.zeros(3 * self._n), np.zeros(5)
+        self._reached, self._control = _floats(self._reached_host), _floats(self._control_host)
         self.dynamics, self.contact = np.zeros(2), np.zeros(5)
         self._info = [_floats(self.dynamics), _floats(self.contact)]
         self.equality = np.zeros(0 if problem.e is None else problem.e.shape[0])
@@ -139,29 +141,58 @@ class _Passes:
             s = s + sp.diags_array(REPEATED * np.where(diagonal > 0.0, diagonal, 1.0))
             self._s, self._wanted = Factor(sp.csr_array(s)), problem.wanted - self._e @ problem.free
             self.pulled_host += self._meet(self.change_host, self._wanted)
+        self._record()
 
-    def _launch(self, kernel: wp.Kernel, inputs: list) -> None:
-        wp.launch(kernel, 1, inputs=[0, *inputs], device="cpu")
+    def _record(self) -> None:
+        """The launches, packed once: their numbers live in arrays, and packing takes longer than a small pass."""
 
-    def anticipate(self) -> None:
-        self._launch(ica_kernels.anticipate, [
+        def launch(kernel: wp.Kernel, inputs: list) -> wp.Launch:
+            return wp.launch(kernel, 1, inputs=[0, *inputs], device="cpu", record_cmd=True)
+
+        self._anticipate = launch(ica_kernels.anticipate, [
             self._n, *self._a, self._m, *self._rows, self._response, self._impulse, self._free, self._change,
             self._pulled, self._base, self._velocity, self._info[0],
         ])  # fmt: skip
+        self._look, self._sweep = (
+            launch(
+                ica_kernels.sweep,
+                [
+                    self._m,
+                    *self._rows,
+                    self._jacobian,
+                    self._response,
+                    self._own,
+                    *self._given,
+                    self._sides,
+                    self._impulse,
+                    velocity,
+                    self._control,
+                    self._info[1],
+                ],
+            )  # fmt: skip
+            for velocity in (self._reached, self._velocity)
+        )
+        self._refine = launch(ica_kernels.refine, [self._n, *self._a, self._base, self._velocity, self._change])
+
+    def anticipate(self) -> None:
+        """Velocities that D anticipates, and by how much they miss the equation of motion at dv."""
+        self._anticipate.launch()
 
     def look(self) -> None:
         """Residuals of contact at dv."""
-        self._at = _floats(self.problem.free + self.change_host)
-        self._sweep(self._at, 1, True, False, 0.0, 0.0)
+        np.add(self.problem.free, self.change_host, out=self._reached_host)
+        self._control_host[:] = 1.0, True, False, 0.0, 0.0
+        self._look.launch()
 
     def contacts(self, most: int, paper: bool, target: float, allowed: float) -> int:
         """The inner loop. Returns its sweeps."""
+        self._control_host[:] = most if self._e is None else 1, False, paper and self._e is None, target, allowed
         if self._e is None:
-            self._sweep(self._velocity, most, False, paper, target, allowed)
+            self._sweep.launch()
             return int(self.contact[ica_kernels.SWEEPS])
         before, done = np.full(2, -1.0), 0
         while done < most:
-            self._sweep(self._velocity, 1, False, False, target, allowed)
+            self._sweep.launch()
             step = self._meet(self.velocity_host, self.problem.wanted)
             self.pulled_host += step
             done += 1
@@ -173,17 +204,12 @@ class _Passes:
             before = now
         return done
 
-    def _sweep(self, velocity, most: int, look: bool, paper: bool, target: float, allowed: float) -> None:
-        self._launch(ica_kernels.sweep, [
-            self._m, *self._rows, self._jacobian, self._response, self._own, *self._given, self._sides, self._impulse,
-            velocity, most, int(look), int(paper), float(target), float(allowed), self._info[1],
-        ])  # fmt: skip
-
     def refine(self, how: str) -> None:
+        """One iteration on dv, equality rows held."""
         if how == "jacobi":
             self.change_host[:] = self.velocity_host - self.problem.free
         else:
-            self._launch(ica_kernels.refine, [self._n, *self._a, self._base, self._velocity, self._change])
+            self._refine.launch()
         if self._e is not None:
             self.pulled_host += self._meet(self.change_host, self._wanted)
 

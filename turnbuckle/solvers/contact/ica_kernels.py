@@ -75,6 +75,9 @@ def anticipate(
 @wp.func_native(
     SOLVE_ONE_CONTACT
     + """
+    const int most = (int)control.data[0];
+    const bool look = control.data[1] != 0.0, paper = control.data[2] != 0.0;
+    const double target = control.data[3], allowance = control.data[4];
     double normal_before = -1.0, tangential_before = -1.0;
     int done = 0;
     while (done < most) {
@@ -87,11 +90,14 @@ def anticipate(
             for (int e = first; e < end; ++e) {
                 const double *j = jacobian.data + 9 * (long long)e, *v = velocity.data + 3 * block.data[e];
                 u[0] += j[0] * v[0] + j[1] * v[1] + j[2] * v[2];
-                u[1] += j[3] * v[0] + j[4] * v[1] + j[5] * v[2];
-                u[2] += j[6] * v[0] + j[7] * v[1] + j[8] * v[2];
             }
             if (-u[0] > gap) gap = -u[0];
             if (u[0] >= 0.0 && r[0] == 0.0) continue;
+            for (int e = first; e < end; ++e) {
+                const double *j = jacobian.data + 9 * (long long)e, *v = velocity.data + 3 * block.data[e];
+                u[1] += j[3] * v[0] + j[4] * v[1] + j[5] * v[2];
+                u[2] += j[6] * v[0] + j[7] * v[1] + j[8] * v[2];
+            }
             double next[3] = {r[0], r[1], r[2]};
             for (int a = 0; a < 3; ++a) u[a] -= w[3 * a] * r[0] + w[3 * a + 1] * r[1] + w[3 * a + 2] * r[2];
             one_contact(w, u, friction.data[i], sides, axes.data[2 * i], axes.data[2 * i + 1], next);
@@ -123,25 +129,24 @@ def anticipate(
 )
 def _sweep(
     m: int, row: I32, block: I32, jacobian: F64, response: F64, own: F64, floor: F64, friction: F64, axes: F64, sides: int,
-    impulse: F64, velocity: F64, most: int, look: int, paper: int, target: wp.float64, allowance: wp.float64, info: F64,
+    impulse: F64, velocity: F64, control: F64, info: F64,
 ): ...  # fmt: skip
 
 
 @wp.kernel
 def sweep(
     begin: int, m: int, row: I32, block: I32, jacobian: F64, response: F64, own: F64, floor: F64, friction: F64, axes: F64,
-    sides: int, impulse: F64, velocity: F64, most: int, look: int, paper: int, target: wp.float64, allowance: wp.float64,
-    info: F64,
+    sides: int, impulse: F64, velocity: F64, control: F64, info: F64,
 ):  # fmt: skip
     """Projected Gauss-Seidel on ``B = J D^-1 J^T`` (Contact, (11), (13), (14)), by way of the velocities it makes.
 
     B itself is never needed: its row times the impulses is ``J_i velocity``. Residuals are the velocities that the solution
     of each contact's own problem adds. Stops at ``most`` sweeps; when the largest is at most ``target``; and in the
     ``paper``'s way: both norms change by less than 5 % and no gap closes faster than ``allowance``. ``look``: only measure.
+    ``control`` holds most, look, paper, target, allowance, so that the launch can be recorded once.
     """
     _sweep(
-        m, row, block, jacobian, response, own, floor, friction, axes, sides, impulse, velocity, most, look, paper,
-        target, allowance, info,
+        m, row, block, jacobian, response, own, floor, friction, axes, sides, impulse, velocity, control, info
     )  # fmt: skip
 
 

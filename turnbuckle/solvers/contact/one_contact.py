@@ -48,14 +48,13 @@ SOLVE_ONE_CONTACT = """
                     len = sqrt(x * x + y * y);
                     const double f = len - mu * n;
                     if (f > 0.0) low = s; else high = s;
-                    const double part = fabs(f) / (len + mu * fabs(n));
-                    if (part <= 1e-15 || last) break;
-                    last = part <= 1e-8;  // one more step, which squares it
+                    const double size_f = len + mu * fabs(n);
+                    if (last || fabs(f) <= 1e-15 * size_f) break;
+                    last = fabs(f) <= 1e-5 * size_f;  // one more step, which squares it; the next visit starts from there
                     const double dx = -(d22 * x - s12 * y) * det, dy = -(d11 * y - s12 * x) * det;
-                    const double slope = (x * dx + y * dy) / len + mu * wn * (w1 * dx + w2 * dy);
-                    double next = s - f / slope;
-                    // Newton's method on 1 / |r_t| runs almost straight where n changes little
-                    if (n > 0.0) next = s - f / slope * len / (mu * n);
+                    const double slope = x * dx + y * dy + len * mu * wn * (w1 * dx + w2 * dy);  // f' times |r_t|
+                    // Newton's method on 1 / |r_t| - 1 / (mu r_n), which runs almost straight where r_n changes little
+                    double next = n > 0.0 ? s - f * len * len / (slope * mu * n) : s - f * len / slope;
                     const double end = high > 0.0 ? high : 16.0 * s;
                     if (!(next > low && next < end)) next = high > 0.0 ? 0.5 * (low + high) : 4.0 * s;
                     if (next == s || (high > 0.0 && high - low <= 1e-16 * high)) break;
