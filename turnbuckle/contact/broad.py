@@ -12,12 +12,13 @@ from turnbuckle.compute.program import Program
 from turnbuckle.contact.broad_boxes import Features, feature_boxes, make_features, vertex_boxes
 from turnbuckle.contact.broad_brute import fill_brute, find_brute
 from turnbuckle.contact.broad_bvh import deal_leaves, fill_bvh, find_bvh, make_tree, refit
+from turnbuckle.contact.broad_hash import HashTable, fill_hash, find_hash, side_of_cubes
 from turnbuckle.contact.broad_lists import CHUNK, Filter, Lists, make_lists
 from turnbuckle.data.contact import EDGE_EDGE, VERTEX_FACE, Pairs, Surfaces
 from turnbuckle.data.errors import InputError
 from turnbuckle.math.types import vec3
 
-METHODS = ("bvh", "brute")
+METHODS = ("bvh", "hash", "brute")
 SMALL = 2000  # features below which one thread does it all
 LOOK = 8  # calls between two looks at the size of the boxes
 GROWN = 1.5  # by how much they may have grown before leaves are dealt out anew
@@ -64,6 +65,7 @@ class _Targets:
     def __init__(self, broad: "BroadPhase", corners: np.ndarray, tree: bool) -> None:
         self.features, self.numbers = make_features(corners, broad.surfaces.shape, broad.moves, broad.device)
         self.tree, self.levels = make_tree(len(corners), broad.device) if tree else (None, None)
+        self.table = HashTable(self.features, broad.device) if broad.method == "hash" else None
 
     def deal(self, x: np.ndarray) -> None:
         """Deal out the leaves anew for vertices ``x`` (s, 3)."""
@@ -117,7 +119,7 @@ class BroadPhase:
         else:
             self.searches = [_Search(self, self.vertices, self.faces, False),
                              _Search(self, self.edges.features, self.edges, True)]  # fmt: skip
-        self.searches = [search for search in self.searches]
+        self._boxes: Program | None = None
         self._find: Program | None = None
         self._fill: Program | None = None
         self._calls = 0
@@ -152,11 +154,17 @@ class BroadPhase:
         if all(search.idle for search in self.searches):
             return [(nothing, nothing) for _ in self.searches]
         self._put(x0, x1, inflation)
-        if self._find is None:
+        if self._boxes is None:
             self._deal(x0)
+            self._boxes = self._record_boxes() if self.method == "hash" else None
+        anew = False
+        if self._boxes is not None:
+            self._boxes.run()
+            side = side_of_cubes(x0, x1, self.surfaces.edges, np.asarray(inflation))
+            anew = any([search.targets.table.arrange(side) for search in self.searches if not search.idle])
+        if self._find is None or anew:
             self._find = self._record_find()
         self._find.run()
-        anew = False
         for search in self.searches:
             if not search.idle:
                 total = host(search.lists.total)
@@ -206,46 +214,53 @@ class BroadPhase:
         few = self.faces.features.count + self.edges.features.count < SMALL
         return Program(self.device, 1 if few else self.threads)
 
-    def _record_find(self) -> Program:
-        """Boxes, trees, search."""
-        program = self._program()
-        program.launch(
-            vertex_boxes,
-            self.vertices.count,
-            [self._x0, self._x1, self._inflation, self._origin, self.vertices],
-        )
+    def _launch_boxes(self, program: Program) -> None:
+        """Boxes of all features."""
+        positions = [self._x0, self._x1, self._inflation, self._origin]
+        program.launch(vertex_boxes, self.vertices.count, [*positions, self.vertices])
         program.barrier()
         for targets in (self.faces, self.edges):
             program.launch(feature_boxes, targets.features.count, [self.vertices, targets.features])
         program.barrier()
+
+    def _record_boxes(self) -> Program:
+        """Boxes alone: what is hashed needs the host in between."""
+        program = self._program()
+        self._launch_boxes(program)
+        return program.finish(0)
+
+    def _record_find(self) -> Program:
+        """Boxes and trees, where they are not there yet; the search."""
+        program = self._program()
+        if self.method != "hash":
+            self._launch_boxes(program)
         for level in range(max((t.tree.levels for t in self._targets), default=0)):
             for targets in self._targets:
                 if level < targets.tree.levels:
                     nodes = int(targets.levels.count[level])
                     program.launch(refit, nodes, [targets.tree, targets.features, level], 8)
             program.barrier()
+        kernel = {"bvh": find_bvh, "hash": find_hash, "brute": find_brute}[self.method]
         for search in self.searches:
             if not search.idle:
-                kernel, inputs = self._inputs(search, (find_bvh, find_brute))
-                program.launch(kernel, search.lists.chunks, [*inputs, search.lists], 1000)
+                program.launch(kernel, search.lists.chunks, [*self._inputs(search), search.lists], 1000)
         return program.finish(0)
 
     def _record_fill(self) -> Program:
         """The lists into their places."""
         program = self._program()
+        kernel = {"bvh": fill_bvh, "hash": fill_hash, "brute": fill_brute}[self.method]
         for search in self.searches:
             if not search.idle:
-                kernel, inputs = self._inputs(search, (fill_bvh, fill_brute))
-                program.launch(
-                    kernel, search.lists.chunks, [*inputs, search.lists, search.offset, search.a, search.b], 1000
-                )
+                outputs = [search.lists, search.offset, search.a, search.b]
+                program.launch(kernel, search.lists.chunks, [*self._inputs(search), *outputs], 1000)
         return program.finish(0)
 
-    def _inputs(self, search: _Search, kernels: tuple) -> tuple[wp.Kernel, list]:
-        """The kernel of this method and what it starts with."""
-        if self.method == "bvh":
-            return kernels[0], [search.queries, search.targets.features, search.targets.tree, search.wanted]
-        return kernels[1], [search.queries, search.targets.features, search.wanted]
+    def _inputs(self, search: _Search) -> list:
+        """What the kernels of this method start with."""
+        targets = search.targets
+        structure = {"bvh": [targets.tree], "hash": [targets.table and targets.table.table], "brute": []}[self.method]
+        return [search.queries, targets.features, *structure, search.wanted]
 
 
 def candidates(

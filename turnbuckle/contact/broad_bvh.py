@@ -158,46 +158,60 @@ def refit(begin: int, tree: Tree, features: Features, level: int):
 
 
 @wp.func_native(
-    search_source("""
+    search_source(
+        """
         int stack[96], depth = 0;
         stack[depth++] = levels - 1;
         stack[depth++] = 0;
+        const int above = ordered ? a : -1;  // features with lower numbers are not wanted
 #if !defined(__CUDA_ARCH__)
         typedef float floats __attribute__((ext_vector_type(8)));
         typedef int ints __attribute__((ext_vector_type(8)));
+        typedef bool bools __attribute__((ext_vector_type(8)));
 #endif
         while (depth > 0) {
             const int k = stack[--depth], level = stack[--depth];
             const int node = level_first.data[level] + k;
             const float *f = node_box.data + 48 * node;
+            const int *most = node_most.data + 8 * node, *tags = node_tag.data + 8 * node;
             unsigned near = 0;
 #if defined(__CUDA_ARCH__)
             for (int j = 0; j < 8; ++j)
                 near |= (unsigned)(f[j] <= box[3] && f[8 + j] <= box[4] && f[16 + j] <= box[5] && f[24 + j] >= box[0]
-                                   && f[32 + j] >= box[1] && f[40 + j] >= box[2]) << j;
+                                   && f[32 + j] >= box[1] && f[40 + j] >= box[2] && most[j] > above) << j;
 #else
             floats l[6];
+            ints top;
             memcpy(l, f, 192);
-            const ints hit = (l[0] <= (floats)box[3]) & (l[1] <= (floats)box[4]) & (l[2] <= (floats)box[5])
-                           & (l[3] >= (floats)box[0]) & (l[4] >= (floats)box[1]) & (l[5] >= (floats)box[2]);
-            const ints bits = {1, 2, 4, 8, 16, 32, 64, 128};
-            near = (unsigned)__builtin_reduce_or(hit & bits);
+            memcpy(&top, most, 32);
+            // pairs of comparisons, so that none waits for all the others
+            const ints x = (l[0] <= (floats)box[3]) & (l[3] >= (floats)box[0]);
+            const ints y = (l[1] <= (floats)box[4]) & (l[4] >= (floats)box[1]);
+            const ints z = (l[2] <= (floats)box[5]) & (l[5] >= (floats)box[2]);
+            const bools hit = __builtin_convertvector((x & y) & (z & (top > (ints)above)), bools);
+            unsigned char byte;
+            memcpy(&byte, &hit, 1);
+            near = byte;
 #endif
             for (; near; near &= near - 1u) {
-                int j = 0;
-                while (!((near >> j) & 1u)) ++j;
-                const int slot = 8 * node + j, top = node_most.data[slot], tag = node_tag.data[slot];
-                if (top < 0 || (ordered && top <= a) || (still && !(tag & 1))) continue;
-                if (tag >= 2 && !allowed[(tag >> 1) - 1]) continue;
+#if defined(__CUDA_ARCH__)
+                const int j = __ffs((int)near) - 1;
+#else
+                const int j = __builtin_ctz(near);
+#endif
+                const int tag = tags[j];
+                if ((still && !(tag & 1)) || (tag >= 2 && !allowed[(tag >> 1) - 1])) continue;
                 if (level == 0) {
-                    take(top);
+                    take(most[j]);
                 } else {
                     stack[depth++] = level - 1;
                     stack[depth++] = 8 * k + j;
                 }
             }
         }
-""")
+""",
+        True,
+    )
 )
 def _search(
     q_corners: I32, q_sides: int, q_shape: I32, q_moves: U8, q_box: F32,

@@ -52,24 +52,27 @@ def make_lists(queries: int, chunk: int, device: str) -> Lists:
     return out
 
 
-def search_source(walk: str) -> str:
+def search_source(walk: str, judged: bool = False) -> str:
     """C code that searches for the partners of queries ``first`` to ``end`` and stores at most ``room`` at ``place``.
 
     ``walk`` calls ``take(b)`` for every target b whose box meets that of query a (``box``); it may do so more than once
-    and for targets that are not wanted, and must skip no other.
+    and for targets that are not wanted, and must skip no other; ``judged``: it leaves out bodies that do not collide, and
+    pairs of immovables, itself.
     """
     return (
         """
     auto sort = [](int *v, int n) {
-        if (n <= 24) {
-            for (int i = 1; i < n; ++i) {
-                const int key = v[i];
-                int j = i;
-                for (; j > 0 && v[j - 1] > key; --j) v[j] = v[j - 1];
-                v[j] = key;
-            }
+#if !defined(__CUDA_ARCH__)
+        if (n <= 16) {  // by rank: no branches to guess
+            typedef int ints __attribute__((ext_vector_type(16)));
+            const ints place = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
+            ints all = 0x7fffffff, rank = 0;
+            for (int i = 0; i < n; ++i) all[i] = v[i];
+            for (int j = 0; j < n; ++j) rank -= ((ints)all[j] < all) | (((ints)all[j] == all) & ((ints)j < place));
+            for (int i = 0; i < n; ++i) v[rank[i]] = all[i];
             return;
         }
+#endif
         for (int heap = n / 2 - 1, end = n; end > 1;) {  // heap sort: no memory, no worst case
             int key;
             if (heap >= 0) key = v[heap];
@@ -93,7 +96,14 @@ def search_source(walk: str) -> str:
         const int before = total;
         auto take = [&](int b) {
             if (ordered && b <= a) return;
-            if (!allowed[t_shape.data[b]] || (still && !t_moves.data[b])) return;
+"""
+        + (
+            ""
+            if judged
+            else """
+            if (!allowed[t_shape.data[b]] || (still && !t_moves.data[b])) return;"""
+        )
+        + """
             const int *corner = t_corners.data + b * t_sides;
             for (int k = 0; k < t_sides; ++k)
                 if (corner[k] == c0 || corner[k] == c1) return;
