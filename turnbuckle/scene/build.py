@@ -1,6 +1,5 @@
 """From what the user wrote to what is simulated: ``SceneDef -> (Model, State)``."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +10,7 @@ from turnbuckle.compute import start_warp
 from turnbuckle.constraints.activation import new_owner
 from turnbuckle.data.errors import InputError
 from turnbuckle.data.model import Corotational, Field, Hinges, Model, Springs, StrainLimits
-from turnbuckle.data.rigid import ForceField, RigidBodies, RigidField
+from turnbuckle.data.rigid import RigidBodies, RigidField
 from turnbuckle.data.shape import Shape, Skin
 from turnbuckle.data.state import PARAMS, Kinematics, State
 from turnbuckle.data.tables import Tables, empty_table
@@ -26,11 +25,10 @@ from turnbuckle.scene.build_rigid_bodies import first_state as first_rigid_state
 from turnbuckle.scene.build_rigid_bodies import no_loads, rigid_bodies, rigid_field
 from turnbuckle.scene.build_skin import add_skins
 from turnbuckle.scene.definitions import BodyPairDef, CoatingDef, ForceDef, RigidDef, SceneDef
-from turnbuckle.scene.expression import compile_expression
+from turnbuckle.scene.expression_force import ExpressionForce
 from turnbuckle.scene.upload import make_tetrahedra, upload
 
 STANDARD_GRAVITY = 9.81  # [m/s^2]
-FORCE_VARIABLES = ("x", "y", "z", "vx", "vy", "vz", "t", "m")
 
 
 def build(definition: SceneDef, folder: Path, device: str = "cpu") -> tuple[Model, State]:
@@ -196,8 +194,8 @@ def _fields(
     """Force fields on mass points, and on rigid bodies."""
     fields, on_rigid = [], []
     for d in definitions:
-        force = d.callable if d.callable is not None else _expression_force(d.expression or ["0.0"] * 3)
-        torque = None if d.torque is None else _expression_force(d.torque)
+        force = d.callable if d.callable is not None else ExpressionForce.of(d.expression or ["0.0"] * 3)
+        torque = None if d.torque is None else ExpressionForce.of(d.torque)
         field = rigid_field(d, rigids, force, torque)
         if field is not None:
             on_rigid.append(field)
@@ -210,13 +208,3 @@ def _fields(
         if len(points) and d.given(("expression", "callable")):
             fields.append(Field(d.name, points, force))
     return tuple(fields), tuple(on_rigid)
-
-
-def _expression_force(texts: list[str]) -> ForceField:
-    parts: list[Callable[..., np.ndarray]] = [compile_expression(text, FORCE_VARIABLES) for text in texts]
-
-    def force(x: np.ndarray, v: np.ndarray, t: float, mass: np.ndarray) -> np.ndarray:
-        given = dict(zip(FORCE_VARIABLES, (*x.T, *v.T, t, mass), strict=True))
-        return np.stack([np.broadcast_to(part(**given), len(mass)) for part in parts], axis=1)
-
-    return force

@@ -56,6 +56,7 @@ from turnbuckle.scene.joint_definitions import (
     SurfaceDef,
     TwistDef,
 )
+from turnbuckle.scene.joint_problems import joint_problems
 from turnbuckle.scene.named_joints import (
     BallDef,
     ConeTwistDef,
@@ -181,7 +182,9 @@ class ForceDef(Definition):
 
     @model_validator(mode="after")
     def _check(self) -> ForceDef:
-        if self.torque is None or self.given(("expression", "callable")):  # a torque may stand alone
+        if not self.given(("expression", "callable", "torque")):
+            raise problem("gives no force; give an expression or a callable, or for rigid bodies a torque")
+        if self.given(("expression", "callable")):  # a torque may stand alone
             exactly_one(self, [("expression",), ("callable",)], ("torque",))
         return self
 
@@ -283,6 +286,7 @@ def name_problems(scene: SceneDef) -> Iterator[Located]:
     for i, skin in enumerate(scene.skins):
         if skin.name in bodies:
             yield ("skins", i, "name"), f"{skin.name!r} is already the name of a body"
+    yield from joint_problems(scene.bodies, scene.constraints)
     for kind in ("bodies", "forces", "constraints", "skins"):
         for i, item in enumerate(getattr(scene, kind)):
             for at, message in reference_problems(item, bodies):
