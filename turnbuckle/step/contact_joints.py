@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
+import scipy.sparse.linalg as spla
 
 from turnbuckle.compute import host
 from turnbuckle.constraints.joints.modes import limits_of_motors, row_modes
@@ -23,11 +24,13 @@ from turnbuckle.data.articulated import AT, EQUAL, LIMIT, MOTOR, NONE, SOFT
 from turnbuckle.data.model import Model
 from turnbuckle.data.rigid import DYNAMIC, FREE, ROWS
 from turnbuckle.data.state import State
+from turnbuckle.geometry.quaternions import matrices
 from turnbuckle.step.contact_joint_looks import Look, aligned, look_up
 from turnbuckle.step.contact_joint_rows import JointGeometry, PartRows, middle, unwound
 
 CLOSED = 1e-12  # [m or rad] what a row may be left with; round-off of large coordinates is added
 AT_LIMIT = 1e-9  # [m or rad] this near to a limit at the start, a row begins as active
+SLIGHT = 1e-12  # of the diagonal: what keeps rows that repeat each other solvable
 CHANGES = 4  # of a row's activity in a step before it stays on
 UNBOUND = 1e299  # [N or N m]
 
@@ -238,6 +241,36 @@ class ContactJoints:
         wanted = np.where(self.changes[part, k] >= CHANGES, self.active[part, k], wanted)
         self.active[part, k] = wanted
         total[part, k] = h * np.where(wanted > 0, below, np.where(wanted < 0, -above, 0.0))
+
+    def project(self, v: np.ndarray, x: np.ndarray, q: np.ndarray) -> np.ndarray:
+        """Velocities ``v`` (blocks, 3) put on the strict rows of joints at ``x``, ``q``, the end of the step.
+
+        Those of the step are means over it, and lead out of joints that turn by about h |w| / 2. The shortest way in the
+        metric of masses: momentum stays, energy never grows. Limits and motors are left to the step.
+        """
+        part, k = np.nonzero((self.modes == EQUAL) | (self.modes == AT))
+        if not self.exists or not len(part):
+            return v
+        end = self.geometry.rows(x, q)
+        if len(self.looks):
+            now = look_up(self.state, self.looks, self.geometry.local(x, q))
+            end.force[self.looks] = self.geometry.to_world(now.directions, q, self.looks)
+        e = self.geometry.jacobian(end, x, part, k, 0, 2 * len(x))
+        bodies = self.model.rigid
+        moves = bodies.motion == DYNAMIC
+        inverse = np.zeros((2 * len(x), 3, 3))
+        inverse[::2][moves] = np.eye(3) / bodies.mass[moves, None, None]
+        turn = matrices(q[moves])
+        inverse[1::2][moves] = np.einsum("bij,bj,bkj->bik", turn, 1.0 / bodies.inertia[moves], turn)
+        w = sp.bsr_array((inverse, np.arange(2 * len(x)), np.arange(2 * len(x) + 1))).tocsr()
+        across = (w @ e.T).tocsc()
+        s = (e @ across).tocsc()
+        s = (s + sp.diags_array(SLIGHT * s.diagonal() + 1e-300)).tocsc()
+        factor = spla.splu(s, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+        own = v[self.points :].ravel()
+        for _ in range(2):
+            own = own - across @ factor.solve(e @ own)
+        return np.concatenate([v[: self.points], own.reshape(-1, 3)])
 
     def elastic_energy(self) -> float:
         """Energy in soft rows at the state [J]."""

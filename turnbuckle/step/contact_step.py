@@ -158,7 +158,8 @@ class ContactStepper:
     def _commit(self, attempt: Attempt, refined: Refined) -> StepReport:
         state, dynamics, h = self.state, self.dynamics, attempt.h
         assert attempt.solution is not None
-        v, q = attempt.v, attempt.q1
+        q = attempt.q1
+        v = self.joints.project(attempt.v, attempt.bx1, q)
         self._remember(attempt)
         body = self.model.body_of[dynamics.slaves]
         speeds = v[: self.model.points].copy()
@@ -179,7 +180,7 @@ class ContactStepper:
         gap = self.detector.smallest_gap
         report.smallest_gap = gap if np.isfinite(gap) else None
         with self.timed("report"):
-            report.contact_residual = contact_conditions(attempt.problem, v.ravel(), attempt.solution.impulse)
+            report.contact_residual = contact_conditions(attempt.problem, attempt.v.ravel(), attempt.solution.impulse)
         report.energies = {
             "kinetic": dynamics.kinetic(v, q), "elastic": dynamics.system.elastic_energy(),
             "gravity": dynamics.gravity_energy(attempt.x1, attempt.bx1),
