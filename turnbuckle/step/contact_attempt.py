@@ -125,5 +125,8 @@ class Attempt:
             alone = replace(problem, j=none, floor=np.zeros(0), friction=np.zeros(0), e=None, wanted=np.zeros(0))
             self.free = stepper.solver.solve(alone, None, None, FREE * self.tolerance, options.max_iterations).velocity
         given = replace(problem, free=self.free, load=None)
-        solve = solve_anticipation if options.solver == "anticipation" else solve_ica
-        return solve(given, start, self.tolerance, options.max_iterations, options.friction_shape)
+        if options.solver == "anticipation":
+            return solve_anticipation(given, start, self.tolerance, options.max_iterations, options.friction_shape)
+        return solve_ica(
+            given, start, self.tolerance, options.max_iterations, options.friction_shape, velocity=self.v.ravel()
+        )

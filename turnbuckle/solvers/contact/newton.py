@@ -170,11 +170,13 @@ class NewtonSolver:
     def _shortened(self) -> float:
         """The part of the step that makes the augmented Lagrangian smaller."""
         before, slope = self._merit("v"), self._slope()
-        length = 1.0
+        length, best = 1.0, np.inf
         while length > LEAST:
             self._go("trial", length)
-            if self._merit("trial") <= before + 1e-4 * length * slope + 1e-13 * abs(before):
-                break
+            found = self._merit("trial")
+            if found >= best and best <= before + 1e-4 * (2.0 * length) * slope + 1e-13 * abs(before):
+                return 2.0 * length  # the one before was better, and good
+            best = found
             length *= 0.5
         return length
 
