@@ -20,8 +20,8 @@ from turnbuckle.math.types import vec3
 
 METHODS = ("bvh", "hash", "brute")
 SMALL = 2000  # features below which one thread does it all
-LOOK = 8  # calls between two looks at the size of the boxes
-GROWN = 1.5  # by how much they may have grown before leaves are dealt out anew
+LOOK = 16  # calls between two looks at the order of the tree
+GROWN = 1.3  # by how much it may have fallen into disorder before leaves are dealt out anew
 
 
 class _Search:
@@ -73,12 +73,12 @@ class _Targets:
         self.tree.most.assign(most)
         self.tree.tag.assign(tag)
 
-    def extent(self) -> float:
-        """Half the surface of the boxes of nodes above the leaves, what a search costs."""
-        first = 48 * int(self.levels.first[1]) if len(self.levels.first) > 1 else 0
-        box = host(self.tree.box)[first:].reshape(-1, 2, 3, 8).astype(np.float64)
-        d = np.maximum(box[:, 1] - box[:, 0], 0.0)
-        return float((d[:, 0] * d[:, 1] + d[:, 1] * d[:, 2] + d[:, 2] * d[:, 0]).sum())
+    def disorder(self) -> float:
+        """Lengths of the boxes of nodes, in those of the features': what a search costs, however fast all moves."""
+        leaves = 48 * int(self.levels.count[0])
+        box = host(self.tree.box).reshape(-1, 2, 3, 8).astype(np.float64)
+        length = np.maximum(box[:, 1] - box[:, 0], 0.0).sum(axis=(1, 2))
+        return float(length[leaves // 48 :].sum() / max(length[: leaves // 48].sum(), 1e-300))
 
 
 class BroadPhase:
@@ -123,7 +123,7 @@ class BroadPhase:
         self._find: Program | None = None
         self._fill: Program | None = None
         self._calls = 0
-        self._extent: list[float] = []
+        self._disorder: list[float] = []
         self._targets = [t for t in (self.faces, self.edges) if t.tree is not None and t.features.count]
 
     def candidates(self, x0: np.ndarray, x1: np.ndarray, inflation: float | np.ndarray = 0.0) -> Pairs:
@@ -196,16 +196,16 @@ class BroadPhase:
     def _deal(self, x: np.ndarray) -> None:
         for targets in self._targets:
             targets.deal(x)
-        self._extent = []
+        self._disorder = []
         self._calls = 0
 
     def _look(self, x: np.ndarray) -> None:
-        """Deal out the leaves anew, for the calls to come, when boxes have grown since they were dealt out."""
+        """Deal out the leaves anew, for the calls to come, when the trees have fallen into disorder since."""
         if self._calls % LOOK == 0 and self._targets:
-            extent = [targets.extent() for targets in self._targets]
-            if not self._extent:
-                self._extent = extent
-            elif any(now > GROWN * then for now, then in zip(extent, self._extent, strict=True)):
+            now = [targets.disorder() for targets in self._targets]
+            if not self._disorder:
+                self._disorder = now
+            elif any(new > GROWN * old for new, old in zip(now, self._disorder, strict=True)):
                 self._deal(x)
                 return
         self._calls += 1

@@ -13,6 +13,7 @@ import warp as wp
 
 from turnbuckle.contact.broad_boxes import FeatureNumbers, Features
 from turnbuckle.contact.broad_lists import F32, I32, U8, Filter, Lists, copy_chunk, search_source
+from turnbuckle.contact.curve import curve_order
 
 wp.set_module_options({"enable_backward": False})
 
@@ -63,7 +64,7 @@ def make_tree(n: int, device: str) -> tuple[Tree, TreeLevels]:
 
 def deal_leaves(centre: np.ndarray, features: FeatureNumbers, levels: TreeLevels) -> tuple[np.ndarray, np.ndarray]:
     """`most` and `tag` of a tree whose leaves follow the curve through ``centre`` (n, 3)."""
-    order = np.lexsort((np.arange(len(centre)), curve_order(centre)))
+    order = curve_order(centre)
     most = np.full(levels.nodes * WIDTH, -1, dtype=np.int32)
     tag = np.zeros(levels.nodes * WIDTH, dtype=np.int32)
     most[: len(order)] = order
@@ -84,37 +85,6 @@ def deal_leaves(centre: np.ndarray, features: FeatureNumbers, levels: TreeLevels
         shape = np.where(low == high, high, np.where(high == -1, -1, -2))  # -1: empty, -2: several
         moves, largest = moves.reshape(-1, WIDTH).any(axis=1), largest.reshape(-1, WIDTH).max(axis=1)
     return most, tag
-
-
-def curve_order(centre: np.ndarray) -> np.ndarray:
-    """Where each place (n, 3) lies on Hilbert's curve of 2^15 cells an axis (Skilling 2004), (n,) int64."""
-    low, size = centre.min(axis=0, initial=0.0), 1e-300
-    if len(centre):
-        low, size = centre.min(axis=0), max(float(np.ptp(centre, axis=0).max()), 1e-300)
-    x = [np.asarray((centre[:, k] - low[k]) / size * 32767.0).astype(np.int64) for k in range(3)]
-    bit = 1 << 14
-    while bit > 1:
-        mask = bit - 1
-        for k in range(3):
-            turned = (x[k] & bit) != 0
-            swap = np.where(turned, 0, (x[0] ^ x[k]) & mask)
-            x[0] = np.where(turned, x[0] ^ mask, x[0] ^ swap)
-            if k:
-                x[k] = x[k] ^ swap
-        bit >>= 1
-    x[1] ^= x[0]
-    x[2] ^= x[1]
-    turn = np.zeros_like(x[0])
-    bit = 1 << 14
-    while bit > 1:
-        turn ^= np.where((x[2] & bit) != 0, bit - 1, 0)
-        bit >>= 1
-    x = [value ^ turn for value in x]
-    code = np.zeros(len(centre), dtype=np.int64)
-    for place in range(15):
-        for k in range(3):
-            code |= ((x[k] >> place) & 1) << (3 * place + 2 - k)
-    return code
 
 
 @wp.func_native(
