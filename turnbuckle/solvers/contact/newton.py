@@ -157,19 +157,19 @@ class NewtonSolver:
             self._run("iterate")
             scalars = host(self.buffers.scalars)
         tries = int(scalars[kernels.TRIES])
+        slope = self._slope()
         self._go("v", 1.0)
         after = self._evaluate()
         if not after.gradient < WORSE * before.gradient:
             self._go("v", -1.0)
-            self._evaluate()
-            length = self._shortened()
+            length = self._shortened(slope)
             self._go("v", length)
             after = self._evaluate()
         return tries, after
 
-    def _shortened(self) -> float:
-        """The part of the step that makes the augmented Lagrangian smaller."""
-        before, slope = self._merit("v"), self._slope()
+    def _shortened(self, slope: float) -> float:
+        """The part of the step that makes the augmented Lagrangian least, among halves of it."""
+        before = self._merit("v")
         length, best = 1.0, np.inf
         while length > LEAST:
             self._go("trial", length)
@@ -235,23 +235,24 @@ class NewtonSolver:
         slope = (k.gradient, [t, s, *matrix, *transposed, b.fixed, b.v, b.free, b.load, b.r, b.d, b.local, b.partner, b.g,
                               b.diagonal, b.coupled, b.errors], t)  # fmt: skip
         invert = (k.invert_blocks, [t, s, b.partner, b.diagonal, b.coupled, b.m, b.n], t)
-        apply = [(cg.apply_blocks, [t, s, b.partner, b.fixed, b.m, b.n, b.residual, b.z], t)]
+        advance = (cg.advance, [t, s, b.scalars, b.pq, b.partner, b.fixed, b.m, b.n, b.p, b.q, b.dv, b.residual, b.z,
+                                b.sums], t)  # fmt: skip
+        apply: list = []
         factor = []
         if self.factors is not None:
             f, parts = self.factors, self.factors.parts.count
             apply.append((solve_parts, f.solve_inputs(b.fixed, b.residual, b.z, b.scalars, int(k.DONE)), parts))
             factor = [(factor_parts, f.factor_inputs(b.starts, b.others, b.a, b.fixed), parts)]
-        project = [] if self.rows is None else [lambda: self.rows.project()]  # type: ignore[union-attr]
+        if self.rows is not None:
+            apply.append(lambda: self.rows.project())  # type: ignore[union-attr]
         penalties = (k.penalties, [*contact, b.local, b.fixed, b.scale, b.rho], t)
-        rz = (cg.dot, [t, s, b.residual, b.z, b.sums], t)
+        if apply:  # z is another than that of `advance`
+            apply.append((cg.dot, [t, s, b.residual, b.z, b.sums], t))
         iteration: list = [
             (cg.direct, [t, s, b.scalars, b.z, b.p], t),
             (cg.contact_product, [t, s, b.scalars, b.offsets, b.columns, b.j, b.d, b.p, b.y], t),
-            (cg.product, [t, s, b.scalars, *matrix, *transposed, b.fixed, b.y, b.p, b.q, b.sums], t),
-            (cg.step_length, [t, b.sums, b.scalars], 1),
-            (cg.advance, [t, s, b.scalars, b.partner, b.p, b.q, b.dv, b.residual], t),
-            *apply, *project, rz,
-            (cg.next_direction, [t, b.sums, CG_LIMIT, b.scalars], 1),
+            (cg.product, [t, s, b.scalars, *matrix, *transposed, b.fixed, b.y, b.p, b.q, b.pq], t),
+            advance, *apply, (cg.next_direction, [t, b.sums, CG_LIMIT, b.scalars], 1),
         ]  # fmt: skip
         batch = BATCH if self.rows is None else 1
         self._programs = {
@@ -260,8 +261,8 @@ class NewtonSolver:
             "evaluate": program(forces, slope, invert, (k.largest, [t, b.errors, b.scalars], 1),
                                 (k.wanted_shift, [*contact, b.v, b.mu, b.y], t)),
             "update": program((k.update_multipliers, [*contact, b.v, b.mu, b.r, b.shift, b.multiplier], t)),
-            "newton": program((cg.begin_gradients, [t, s, b.g, b.residual, b.dv, b.scalars], t), *apply, *project, rz,
-                              (cg.first_direction, [t, b.sums, FORCING, b.scalars], 1), *(iteration * batch)),
+            "newton": program((cg.begin_gradients, [t, s, b.g, b.residual, b.dv, b.p, b.q, b.pq, b.scalars], t), advance,
+                              *apply, (cg.first_direction, [t, b.sums, FORCING, b.scalars], 1), *(iteration * batch)),
             "iterate": program(*(iteration * batch)),
             "slope": program((cg.dot, [t, s, b.g, b.dv, b.sums], t)),
             "move_trial": program((k.move, [t, s, b.length, b.v, b.dv, b.trial], t)),

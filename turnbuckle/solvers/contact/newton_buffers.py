@@ -64,6 +64,7 @@ class Buffers:
         for name in ("rho", "shift"):
             self._room(name, m, real)
         self._room("sums", tiles, real)
+        self._room("pq", tiles, real)
         self._room("contact_sums", tiles, real)
         if "errors" not in self._arrays or self._arrays["errors"].shape[1] != tiles:
             self._arrays["errors"] = wp.zeros((3, tiles), dtype=real, device=self.device)

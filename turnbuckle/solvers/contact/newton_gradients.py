@@ -8,7 +8,6 @@ import warp as wp
 
 from turnbuckle.math.types import real
 from turnbuckle.solvers.contact.newton_kernels import (
-    ALPHA,
     BETA,
     BLOCKS,
     CONTACTS,
@@ -23,52 +22,21 @@ from turnbuckle.solvers.contact.newton_kernels import (
 wp.set_module_options({"enable_backward": False})
 
 
-@wp.func
-def preconditioned(i: int, partner: wp.array(dtype=int), m: wp.array(dtype=wp.mat33d), n: wp.array(dtype=wp.mat33d),
-                   r: wp.array(dtype=wp.vec3d)) -> wp.vec3d:  # fmt: skip
-    """(M r) of block i."""
-    z = m[i] * r[i]
-    p = partner[i]
-    if p >= 0:
-        z += n[i] * r[p]
-    return z
-
-
 @wp.kernel
 def begin_gradients(begin: int, tiles: int, sizes: wp.array(dtype=int), g: wp.array(dtype=wp.vec3d),
                     residual_out: wp.array(dtype=wp.vec3d), dv_out: wp.array(dtype=wp.vec3d),
+                    p_out: wp.array(dtype=wp.vec3d), q_out: wp.array(dtype=wp.vec3d), pq_out: wp.array(dtype=real),
                     scalars: wp.array(dtype=real)):  # fmt: skip
-    """residual = -g, dv = 0."""
+    """residual = -g; dv, p and q = 0, so that `advance` makes the first z."""
     tile = begin + wp.tid()
     if tile == 0:
         scalars[DONE] = real(0.0)
     for i in range(place(tile, tiles, sizes[BLOCKS]), place(tile + 1, tiles, sizes[BLOCKS])):
         residual_out[i] = -g[i]
         dv_out[i] = wp.vec3d()
-
-
-@wp.kernel
-def apply_blocks(begin: int, tiles: int, sizes: wp.array(dtype=int), partner: wp.array(dtype=int),
-                 fixed: wp.array(dtype=wp.uint8), m: wp.array(dtype=wp.mat33d), n: wp.array(dtype=wp.mat33d),
-                 residual: wp.array(dtype=wp.vec3d), z_out: wp.array(dtype=wp.vec3d)):  # fmt: skip
-    """z = M residual."""
-    tile = begin + wp.tid()
-    for i in range(place(tile, tiles, sizes[BLOCKS]), place(tile + 1, tiles, sizes[BLOCKS])):
-        if fixed[i] != wp.uint8(0):
-            z_out[i] = wp.vec3d()
-        else:
-            z_out[i] = preconditioned(i, partner, m, n, residual)
-
-
-@wp.kernel
-def dot(begin: int, tiles: int, sizes: wp.array(dtype=int), x: wp.array(dtype=wp.vec3d), y: wp.array(dtype=wp.vec3d),
-        sums_out: wp.array(dtype=real)):  # fmt: skip
-    """x . y by tiles."""
-    tile = begin + wp.tid()
-    total = real(0.0)
-    for i in range(place(tile, tiles, sizes[BLOCKS]), place(tile + 1, tiles, sizes[BLOCKS])):
-        total += wp.dot(x[i], y[i])
-    sums_out[tile] = total
+        p_out[i] = wp.vec3d()
+        q_out[i] = wp.vec3d()
+    pq_out[tile] = real(0.0)
 
 
 @wp.kernel
@@ -81,20 +49,8 @@ def first_direction(begin: int, tiles: int, sums: wp.array(dtype=real), forcing:
     scalars[BETA] = real(0.0)
     scalars[GOAL] = forcing * forcing * total
     scalars[TRIES] = real(0.0)
-    scalars[DONE] = real(0.0)
     if total <= real(0.0):
         scalars[DONE] = real(1.0)
-
-
-@wp.kernel
-def direct(begin: int, tiles: int, sizes: wp.array(dtype=int), scalars: wp.array(dtype=real), z: wp.array(dtype=wp.vec3d),
-           p: wp.array(dtype=wp.vec3d)):  # fmt: skip
-    """p = z + beta p."""
-    tile = begin + wp.tid()
-    if scalars[DONE] == real(0.0):
-        beta = scalars[BETA]
-        for i in range(place(tile, tiles, sizes[BLOCKS]), place(tile + 1, tiles, sizes[BLOCKS])):
-            p[i] = z[i] + beta * p[i]
 
 
 @wp.func_native(
@@ -199,33 +155,6 @@ def product(begin: int, tiles: int, sizes: wp.array(dtype=int), scalars: wp.arra
 
 
 @wp.kernel
-def step_length(begin: int, tiles: int, sums: wp.array(dtype=real), scalars: wp.array(dtype=real)):
-    """alpha = r . z / p . q."""
-    if scalars[DONE] == real(0.0):
-        total = real(0.0)
-        for tile in range(tiles):
-            total += sums[tile]
-        if total > real(0.0):
-            scalars[ALPHA] = scalars[RZ] / total
-        else:
-            scalars[ALPHA] = real(0.0)
-            scalars[DONE] = real(1.0)
-
-
-@wp.kernel
-def advance(begin: int, tiles: int, sizes: wp.array(dtype=int), scalars: wp.array(dtype=real),
-            partner: wp.array(dtype=int), p: wp.array(dtype=wp.vec3d), q: wp.array(dtype=wp.vec3d),
-            dv: wp.array(dtype=wp.vec3d), residual: wp.array(dtype=wp.vec3d)):  # fmt: skip
-    """dv += alpha p, residual -= alpha q."""
-    tile = begin + wp.tid()
-    if scalars[DONE] == real(0.0):
-        alpha = scalars[ALPHA]
-        for i in range(place(tile, tiles, sizes[BLOCKS]), place(tile + 1, tiles, sizes[BLOCKS])):
-            dv[i] = dv[i] + alpha * p[i]
-            residual[i] = residual[i] - alpha * q[i]
-
-
-@wp.kernel
 def next_direction(begin: int, tiles: int, sums: wp.array(dtype=real), limit: real, scalars: wp.array(dtype=real)):
     """beta, and whether the goal is reached."""
     if scalars[DONE] == real(0.0):
@@ -237,3 +166,115 @@ def next_direction(begin: int, tiles: int, sums: wp.array(dtype=real), limit: re
         scalars[TRIES] = scalars[TRIES] + real(1.0)
         if total <= scalars[GOAL] or scalars[TRIES] >= limit:
             scalars[DONE] = real(1.0)
+
+
+@wp.func_native(
+    """
+    double* rr = (double*)residual.data;
+    double* vv = (double*)dv.data;
+    const double* pp = (const double*)p.data;
+    const double* qq = (const double*)q.data;
+    double* zz = (double*)z_out.data;
+    const double* mm = (const double*)m.data;
+    const double* nn = (const double*)n.data;
+    double total = 0.0;
+    for (int i = first; i < last; ++i) {
+        const int other = partner.data[i];
+        if (other >= 0 && other < i) continue;  // done with the first half of its body
+        for (int b = i; b <= (other > i ? other : i); ++b) {
+            for (int k = 0; k < 3; ++k) {
+                const size_t at = 3 * (size_t)b + k;
+                vv[at] += alpha * pp[at];
+                rr[at] -= alpha * qq[at];
+            }
+        }
+        for (int b = i; b <= (other > i ? other : i); ++b) {
+            double* z = zz + 3 * (size_t)b;
+            const double* r = rr + 3 * (size_t)b;
+            if (fixed.data[b]) { z[0] = z[1] = z[2] = 0.0; continue; }
+            const double* w = mm + 9 * (size_t)b;
+            double z0 = w[0] * r[0] + w[1] * r[1] + w[2] * r[2];
+            double z1 = w[3] * r[0] + w[4] * r[1] + w[5] * r[2];
+            double z2 = w[6] * r[0] + w[7] * r[1] + w[8] * r[2];
+            if (other >= 0) {
+                const double* o = rr + 3 * (size_t)(b == i ? other : i);
+                const double* u = nn + 9 * (size_t)b;
+                z0 += u[0] * o[0] + u[1] * o[1] + u[2] * o[2];
+                z1 += u[3] * o[0] + u[4] * o[1] + u[5] * o[2];
+                z2 += u[6] * o[0] + u[7] * o[1] + u[8] * o[2];
+            }
+            z[0] = z0; z[1] = z1; z[2] = z2;
+            total += r[0] * z0 + r[1] * z1 + r[2] * z2;
+        }
+    }
+    return total;
+"""
+)
+def advance_of(first: int, last: int, alpha: wp.float64, partner: wp.array(dtype=int), fixed: wp.array(dtype=wp.uint8),
+               m: wp.array(dtype=wp.mat33d), n: wp.array(dtype=wp.mat33d), p: wp.array(dtype=wp.vec3d),
+               q: wp.array(dtype=wp.vec3d), dv: wp.array(dtype=wp.vec3d), residual: wp.array(dtype=wp.vec3d),
+               z_out: wp.array(dtype=wp.vec3d)) -> wp.float64: ...  # fmt: skip
+
+
+@wp.kernel
+def advance(begin: int, tiles: int, sizes: wp.array(dtype=int), scalars: wp.array(dtype=real),
+            pq: wp.array(dtype=real), partner: wp.array(dtype=int), fixed: wp.array(dtype=wp.uint8),
+            m: wp.array(dtype=wp.mat33d), n: wp.array(dtype=wp.mat33d), p: wp.array(dtype=wp.vec3d),
+            q: wp.array(dtype=wp.vec3d), dv: wp.array(dtype=wp.vec3d), residual: wp.array(dtype=wp.vec3d),
+            z_out: wp.array(dtype=wp.vec3d), sums_out: wp.array(dtype=real)):  # fmt: skip
+    """alpha = r . z / p . q, dv += alpha p, residual -= alpha q, z = M residual, and residual . z by tiles.
+
+    Both halves of a rigid body belong to the tile of the first.
+    """
+    tile = begin + wp.tid()
+    if scalars[DONE] == real(0.0):
+        total = real(0.0)
+        for k in range(tiles):
+            total += pq[k]
+        alpha = real(0.0)
+        if total > real(0.0):
+            alpha = scalars[RZ] / total
+        count = sizes[BLOCKS]
+        sums_out[tile] = advance_of(place(tile, tiles, count), place(tile + 1, tiles, count), alpha, partner, fixed, m,
+                                    n, p, q, dv, residual, z_out)  # fmt: skip
+
+
+@wp.func_native(
+    """
+    const double* zz = (const double*)z.data;
+    double* pp = (double*)p.data;
+    for (int k = 3 * first; k < 3 * last; ++k) pp[k] = zz[k] + beta * pp[k];
+"""
+)
+def direct_of(first: int, last: int, beta: wp.float64, z: wp.array(dtype=wp.vec3d), p: wp.array(dtype=wp.vec3d)): ...
+
+
+@wp.kernel
+def direct(begin: int, tiles: int, sizes: wp.array(dtype=int), scalars: wp.array(dtype=real), z: wp.array(dtype=wp.vec3d),
+           p: wp.array(dtype=wp.vec3d)):  # fmt: skip
+    """p = z + beta p."""
+    tile = begin + wp.tid()
+    if scalars[DONE] == real(0.0):
+        count = sizes[BLOCKS]
+        direct_of(place(tile, tiles, count), place(tile + 1, tiles, count), scalars[BETA], z, p)
+
+
+@wp.func_native(
+    """
+    const double* xx = (const double*)x.data;
+    const double* yy = (const double*)y.data;
+    double total = 0.0;
+    for (int k = 3 * first; k < 3 * last; ++k) total += xx[k] * yy[k];
+    return total;
+"""
+)
+def dot_of(first: int, last: int, x: wp.array(dtype=wp.vec3d), y: wp.array(dtype=wp.vec3d)) -> wp.float64: ...
+
+
+@wp.kernel
+def dot(begin: int, tiles: int, sizes: wp.array(dtype=int), x: wp.array(dtype=wp.vec3d), y: wp.array(dtype=wp.vec3d),
+        sums_out: wp.array(dtype=real)):  # fmt: skip
+    """x . y by tiles."""
+    tile = begin + wp.tid()
+    count = sizes[BLOCKS]
+    sums_out[tile] = dot_of(place(tile, tiles, count), place(tile + 1, tiles, count), x, y)
