@@ -115,10 +115,13 @@ class Simulation:
         """Force (3,) [N] and torque (3,) [N m] of a joint on its body1, about the joint's place, world axes.
 
         At the committed state, from the accelerations that keep all joints closed. Where joints repeat each other (two hinges
-        of a door) the least of all possible reactions.
+        of a door) the least of all possible reactions. With contact the mean over the last step, zero before the first.
         """
         found = self._joint(joint)
-        force, torque = reactions(self.model, self.state, self.stepper.articulated)
+        if isinstance(self.stepper, ContactStepper):
+            force, torque = self.stepper.joint_reports.mean_reactions()
+        else:
+            force, torque = reactions(self.model, self.state, self.stepper.articulated)
         return force[found.parts].sum(axis=0), torque[found.parts].sum(axis=0)
 
     def coordinate(self, joint: str) -> dict[str, float]:
