@@ -49,12 +49,12 @@ def hung_and_hit(
         "damping": 0.02,
         "color": CLOTH,
     }
-    # The curtain hangs in the plane x = 0.35.
+    # The curtain hangs in the plane x = 0.3, just past the hammer's lowest point.
     scene.add_cloth(
         "curtain",
         size=[1.0, 1.2],
         cells=[cells, cells],
-        position=[0.35, -0.5, 0.35],
+        position=[0.3, -0.5, 0.3],
         rotation=Rotation.from_matrix([[0, 0, 1], [1, 0, 0], [0, 1, 0]]).as_rotvec(),  # x to y, y to z
         **woven,
     )
@@ -62,7 +62,7 @@ def hung_and_hit(
     edge = 0.2
     for layer in range(3):
         for k, y in enumerate((-0.22, 0.0, 0.22)):
-            name, place = f"brick{layer}{k}", [0.75 + 0.01 * (k - 1), y, 0.01 + layer * (edge + 0.01)]
+            name, place = f"brick{layer}{k}", [0.62 + 0.01 * (k - 1), y, 0.01 + layer * (edge + 0.01)]
             if (layer + k) % 2:
                 scene.add_solid(
                     name,
@@ -73,13 +73,13 @@ def hung_and_hit(
             else:
                 middle = np.array(place) + [0.0, 0.0, 0.5 * edge]
                 scene.add_rigid(name, box=[edge] * 3, position=middle, density=density, color=STONE)
-    scene.add_cloth("cover", size=[0.8, 0.9], cells=[24, 27], position=[0.47, -0.45, 0.69], **woven)
+    scene.add_cloth("cover", size=[0.6, 0.9], cells=[18, 27], position=[0.34, -0.45, 0.69], **woven)
     return scene
 
 
 def _add_hammer(scene: Scene, angle: float, density: float, soft: dict) -> None:
-    """Two links and a head on hinges about y, hanging from (-0.35, 0, 1.75), raised towards -x by ``angle`` [rad]."""
-    pivot = np.array([-0.35, 0.0, 1.75])
+    """Two links and a head on hinges about y, hanging from (0, 0, 1.55), raised towards -x by ``angle`` [rad]."""
+    pivot = np.array([0.0, 0.0, 1.55])
     along = np.array([-np.sin(angle), 0.0, -np.cos(angle)])  # from the pivot down the arm
     front = np.array([np.cos(angle), 0.0, -np.sin(angle)])
     turn = np.array([0.0, angle, 0.0])
