@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from turnbuckle.scene.scene import Scene
     from turnbuckle.step.simulation import Simulation
     from turnbuckle.step.step import Stepper
+    from turnbuckle.sweeps.sweep import SweepResult, sweep
 
 __version__ = "0.1.0"
 
@@ -34,15 +35,17 @@ _HOMES = {
     "StepError": "data.errors",
     "StepReport": "data.report",
     "Stepper": "step.step",
+    "SweepResult": "sweeps.sweep",
     "TurnbuckleError": "data.errors",
     "assemble": "run.assemble",
     "pose": "run.pose",
     "run_scene": "run.run",
+    "sweep": "sweeps.sweep",
 }
 
 __all__ = [
     "AssemblyReport", "ConflictError", "InputError", "Model", "RunReport", "Scene", "Simulation", "State", "StepError",
-    "StepReport", "Stepper", "TurnbuckleError", "assemble", "pose", "run_scene",
+    "StepReport", "Stepper", "SweepResult", "TurnbuckleError", "assemble", "pose", "run_scene", "sweep",
 ]  # fmt: skip
 
 

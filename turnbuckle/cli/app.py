@@ -11,6 +11,7 @@ from turnbuckle.cli.convert import convert
 from turnbuckle.cli.run import run
 from turnbuckle.cli.scenes import scenes
 from turnbuckle.cli.schema import schema
+from turnbuckle.cli.sweep import sweep
 
 app = typer.Typer(
     name="turnbuckle",
@@ -41,7 +42,7 @@ def options(
     """Exact constrained dynamics of ropes, nets, cloth and deformable solids."""
 
 
-for verb in (run, check, assemble, convert, scenes, schema, bench):
+for verb in (run, sweep, check, assemble, convert, scenes, schema, bench):
     app.command()(verb)
 
 
