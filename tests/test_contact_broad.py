@@ -146,6 +146,22 @@ def test_same_for_any_number_of_threads_and_any_history(method: str) -> None:
     assert found == rows(BroadPhase(s, method=method).candidates(x0, x1, 0.01)) and len(found) > 1000
 
 
+def test_leaves_are_dealt_out_when_order_is_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+    dealt, deal = [], BroadPhase._deal
+    monkeypatch.setattr(BroadPhase, "_deal", lambda self, x: (dealt.append(1), deal(self, x))[1])
+    rng = np.random.default_rng(1)
+    corners, places = 0.01 * rng.normal(size=(600, 3, 3)), rng.uniform(-1, 1, (600, 1, 3))
+    s, x = scene(((places + corners).reshape(-1, 3), np.arange(1800).reshape(600, 3), NO_LINES))
+    search = BroadPhase(s)
+    for _ in range(40):  # fast, but in order
+        search.candidates(x, x + 0.2 * rng.normal(size=3), 0.01)
+    assert len(dealt) == 1
+    shuffled = (places[rng.permutation(600)] + corners).reshape(-1, 3)
+    for _ in range(40):
+        search.candidates(shuffled, shuffled, 0.01)
+    assert len(dealt) == 2
+
+
 def shapes_of(s: Surfaces, pairs: Pairs) -> tuple[np.ndarray, np.ndarray]:
     """The bodies of both sides."""
     face = pairs.kind == VERTEX_FACE

@@ -54,7 +54,7 @@ class _Search:
 
     def found(self) -> tuple[np.ndarray, np.ndarray]:
         """Copies of both sides of the pairs."""
-        if self.a.device.is_cpu:
+        if self.a.device.is_cpu or not self.count:
             return host(self.a)[: self.count].copy(), host(self.b)[: self.count].copy()
         return self.a[: self.count].numpy(), self.b[: self.count].numpy()
 
@@ -154,7 +154,7 @@ class BroadPhase:
         if all(search.idle for search in self.searches):
             return [(nothing, nothing) for _ in self.searches]
         self._put(x0, x1, inflation)
-        if self._boxes is None:
+        if self._find is None:
             self._deal(x0)
             self._boxes = self._record_boxes() if self.method == "hash" else None
         anew = False

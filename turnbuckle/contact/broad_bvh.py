@@ -127,62 +127,107 @@ def refit(begin: int, tree: Tree, features: Features, level: int):
     _node_box(tree.box, tree.most, features.box, tree.first[level] + k, below, wp.where(level == 0, 1, 0))
 
 
-@wp.func_native(
-    search_source(
-        """
-        int stack[96], depth = 0;
+# Children of a node whose boxes meet a box, as bits; those with features above a number only.
+_MEET = """
+#if defined(__CUDA_ARCH__)
+    auto lowest = [](unsigned bits) { return __ffs((int)bits) - 1; };
+#else
+    typedef float floats __attribute__((ext_vector_type(8)));
+    typedef int ints __attribute__((ext_vector_type(8)));
+    typedef bool bools __attribute__((ext_vector_type(8)));
+    auto lowest = [](unsigned bits) { return __builtin_ctz(bits); };
+#endif
+    auto meet = [&](int node, const float *box, int above) {
+        const float *f = node_box.data + 48 * node;
+        const int *most = node_most.data + 8 * node;
+#if defined(__CUDA_ARCH__)
+        unsigned near = 0;
+        for (int j = 0; j < 8; ++j)
+            near |= (unsigned)(f[j] <= box[3] && f[8 + j] <= box[4] && f[16 + j] <= box[5] && f[24 + j] >= box[0]
+                               && f[32 + j] >= box[1] && f[40 + j] >= box[2] && most[j] > above) << j;
+        return near;
+#else
+        floats l[6];
+        ints top;
+        memcpy(l, f, 192);
+        memcpy(&top, most, 32);
+        const ints x = (l[0] <= (floats)box[3]) & (l[3] >= (floats)box[0]);
+        const ints y = (l[1] <= (floats)box[4]) & (l[4] >= (floats)box[1]);
+        const ints z = (l[2] <= (floats)box[5]) & (l[5] >= (floats)box[2]);
+        const bools hit = __builtin_convertvector((x & y) & (z & (top > (ints)above)), bools);
+        unsigned char near;
+        memcpy(&near, &hit, 1);
+        return (unsigned)near;
+#endif
+    };
+    int stack[96];
+"""
+
+# Queries that follow each other are mostly neighbours: one descent finds the leaves that any of them may meet. Where that
+# are too many, each query descends by itself.
+_LEAVES = """
+    int leaf[64], leaves = end - first > 1 ? 0 : -1;
+    if (leaves == 0) {
+        float all[6];
+        int depth = 0;
+        for (int k = 0; k < 6; ++k) all[k] = q_box.data[6 * first + k];
+        for (int a = first + 1; a < end; ++a)
+            for (int k = 0; k < 3; ++k) {
+                const float l = q_box.data[6 * a + k], u = q_box.data[6 * a + 3 + k];
+                all[k] = l < all[k] ? l : all[k];
+                all[3 + k] = u > all[3 + k] ? u : all[3 + k];
+            }
         stack[depth++] = levels - 1;
         stack[depth++] = 0;
-        const int above = ordered ? a : -1;  // features with lower numbers are not wanted
-#if !defined(__CUDA_ARCH__)
-        typedef float floats __attribute__((ext_vector_type(8)));
-        typedef int ints __attribute__((ext_vector_type(8)));
-        typedef bool bools __attribute__((ext_vector_type(8)));
-#endif
+        while (depth > 0) {
+            const int k = stack[--depth], level = stack[--depth];
+            if (level == 0) {
+                if (leaves == 64) {
+                    leaves = -1;
+                    break;
+                }
+                leaf[leaves++] = k;
+                continue;
+            }
+            for (unsigned near = meet(level_first.data[level] + k, all, ordered ? first : -1); near; near &= near - 1u) {
+                stack[depth++] = level - 1;
+                stack[depth++] = 8 * k + lowest(near);
+            }
+        }
+    }
+"""
+
+_WALK = """
+        const int above = ordered ? a : -1;
+        auto barred = [&](int tag) { return (still && !(tag & 1)) || (tag >= 2 && !allowed[(tag >> 1) - 1]); };
+        for (int n = 0; n < leaves; ++n)
+            for (unsigned near = meet(leaf[n], box, above); near; near &= near - 1u) {
+                const int slot = 8 * leaf[n] + lowest(near);
+                if (!barred(node_tag.data[slot])) take(node_most.data[slot]);
+            }
+        int depth = 0;
+        if (leaves < 0) {
+            stack[depth++] = levels - 1;
+            stack[depth++] = 0;
+        }
         while (depth > 0) {
             const int k = stack[--depth], level = stack[--depth];
             const int node = level_first.data[level] + k;
-            const float *f = node_box.data + 48 * node;
-            const int *most = node_most.data + 8 * node, *tags = node_tag.data + 8 * node;
-            unsigned near = 0;
-#if defined(__CUDA_ARCH__)
-            for (int j = 0; j < 8; ++j)
-                near |= (unsigned)(f[j] <= box[3] && f[8 + j] <= box[4] && f[16 + j] <= box[5] && f[24 + j] >= box[0]
-                                   && f[32 + j] >= box[1] && f[40 + j] >= box[2] && most[j] > above) << j;
-#else
-            floats l[6];
-            ints top;
-            memcpy(l, f, 192);
-            memcpy(&top, most, 32);
-            // pairs of comparisons, so that none waits for all the others
-            const ints x = (l[0] <= (floats)box[3]) & (l[3] >= (floats)box[0]);
-            const ints y = (l[1] <= (floats)box[4]) & (l[4] >= (floats)box[1]);
-            const ints z = (l[2] <= (floats)box[5]) & (l[5] >= (floats)box[2]);
-            const bools hit = __builtin_convertvector((x & y) & (z & (top > (ints)above)), bools);
-            unsigned char byte;
-            memcpy(&byte, &hit, 1);
-            near = byte;
-#endif
-            for (; near; near &= near - 1u) {
-#if defined(__CUDA_ARCH__)
-                const int j = __ffs((int)near) - 1;
-#else
-                const int j = __builtin_ctz(near);
-#endif
-                const int tag = tags[j];
-                if ((still && !(tag & 1)) || (tag >= 2 && !allowed[(tag >> 1) - 1])) continue;
+            for (unsigned near = meet(node, box, above); near; near &= near - 1u) {
+                const int j = lowest(near);
+                if (barred(node_tag.data[8 * node + j])) continue;
                 if (level == 0) {
-                    take(most[j]);
+                    take(node_most.data[8 * node + j]);
                 } else {
                     stack[depth++] = level - 1;
                     stack[depth++] = 8 * k + j;
                 }
             }
         }
-""",
-        True,
-    )
-)
+"""
+
+
+@wp.func_native(search_source(_WALK, judged=True, prepare=_MEET + _LEAVES))
 def _search(
     q_corners: I32, q_sides: int, q_shape: I32, q_moves: U8, q_box: F32,
     t_corners: I32, t_sides: int, t_shape: I32, t_moves: U8,

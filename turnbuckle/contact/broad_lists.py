@@ -52,12 +52,12 @@ def make_lists(queries: int, chunk: int, device: str) -> Lists:
     return out
 
 
-def search_source(walk: str, judged: bool = False) -> str:
+def search_source(walk: str, judged: bool = False, prepare: str = "") -> str:
     """C code that searches for the partners of queries ``first`` to ``end`` and stores at most ``room`` at ``place``.
 
     ``walk`` calls ``take(b)`` for every target b whose box meets that of query a (``box``); it may do so more than once
     and for targets that are not wanted, and must skip no other; ``judged``: it leaves out bodies that do not collide, and
-    pairs of immovables, itself.
+    pairs of immovables, itself. ``prepare`` is what it does for all queries together, before.
     """
     return (
         """
@@ -88,6 +88,9 @@ def search_source(walk: str, judged: bool = False) -> str:
         }
     };
     int total = 0;
+    """
+        + prepare
+        + """
     for (int a = first; a < end; ++a) {
         const float *box = q_box.data + 6 * a;
         const unsigned char *allowed = collides.data + q_shape.data[a] * shapes;
