@@ -130,7 +130,7 @@ class ContactOptions:
     halvings: int = 2  # depth, before the last resort
     proximity: bool = True  # start with pairs nearer than the tolerance (Contact, 4)
     rows: str = "position"  # "position" | "velocity": non-approaching velocities, as the paper compares
-    tolerance: float = 1e-3  # of what gravity does in a step: what velocities may miss by [1]
+    tolerance: float = 1e-2  # of what gravity or a quarter of delta do in a step: what velocities may miss by [1]
     max_iterations: int = 200
     recovery: float = 1.0  # [m/s] the fastest at which contacts that are too near are let apart
     newton: int = 1  # Newton iterations of the implicit scheme a step

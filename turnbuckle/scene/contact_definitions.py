@@ -61,7 +61,7 @@ class ContactDef(Definition):
         default="position", description="Ask for distances at the end of the step, or for speeds of parting [text]."
     )
     tolerance: Positive = Field(
-        default=1e-3, description="What velocities may miss by, as a part of what gravity does in a step [1]."
+        default=1e-2, description="What velocities may miss by, of what gravity or delta / 4 do in a step [1]."
     )
     max_iterations: Count = Field(default=200, description="Limit on iterations of the solver [1].")
     recovery: Positive = Field(default=1.0, description="Fastest at which what is too near is let apart [m/s].")

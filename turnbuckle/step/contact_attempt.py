@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 RECOVERED = 0.2  # part of what a contact is too near by that a step gives back
 LEAST = 1e-9  # [m/s] the smallest tolerance
-TOUCH = 0.01  # of delta a step: what counts as motion where there is no gravity
+PART = 0.25  # of delta: a motion in a step that the tolerance is a part of, where gravity does less
 FREE = 1e-6  # of the tolerance: to what free velocities are solved where a solver asks for them
 
 
@@ -48,7 +48,7 @@ class Attempt:
         self.impulse = np.zeros((0, 3))  # world
         self.friction = np.zeros(0)
         gravity = float(np.linalg.norm(state.gravity)) * h
-        still = TOUCH * float(stepper.surfaces.delta.min(initial=np.inf)) / h if stepper.surfaces.vertices else 0.0
+        still = PART * float(stepper.surfaces.delta.min()) / h if stepper.surfaces.vertices else 0.0
         self.tolerance = max(model.contact.tolerance * max(gravity, still), LEAST)
         self.iterations: dict[str, int] = {}
         self.free: np.ndarray | None = None
