@@ -8,20 +8,15 @@ digits however small the distance.
 
 import warp as wp
 
-from turnbuckle.math.types import real, vec3
+from turnbuckle.math.types import vec3
 
 wp.set_module_options({"enable_backward": False})
 
 F64 = wp.array(dtype=wp.float64)
 I32 = wp.array(dtype=wp.int32)
 
-SLOT = 16  # numbers of a place in the scratch: 4 coefficients, normal, distance, size, noise of the normal
+SLOT = 16  # numbers of a place in the scratch: 0 to 3 coefficients, 4 to 6 normal, 7 distance, 8 size, 9 noise of the normal
 
-# Places in the scratch
-NORMAL = 4
-DISTANCE = 7
-SIZE = 8
-NOISE = 9
 
 # Shared by the two functions below. Positions are taken relative to one vertex first: what follows then errs relative to
 # the size of the pair, not to its distance from the origin.
@@ -201,6 +196,3 @@ def closest_vertex_face(x: wp.array(dtype=vec3), v: int, f0: int, f1: int, f2: i
 def closest_edge_edge(x: wp.array(dtype=vec3), a0: int, a1: int, b0: int, b1: int, scratch: F64, slot: int) -> int:
     """Closest places on two edges; which of the four coefficients are not 0."""
     ...  # fmt: skip
-
-
-__all__ = ["DISTANCE", "NOISE", "NORMAL", "SIZE", "SLOT", "closest_edge_edge", "closest_vertex_face", "real"]
