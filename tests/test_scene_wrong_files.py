@@ -93,7 +93,7 @@ WRONG = [
     ("cells: [20, 10]", "cells: [20, 1.5]", 19, "whole"),
     ("cells: [20, 10]", "cells: [9999999, 9999999]", 19, "more than"),
     ("    cells: [20, 10]\n", "", 16, "'cells'"),
-    ("density: 300", "density: 300\n    edge_length: 0.1", 28, "mesh only"),
+    ("density: 300", "density: 300\n    edge_length: 0.1", 28, "mesh or triangles only"),
     ("density: 300", "k_volum: 3", 27, "did you mean 'k_volume'"),
     ("density: 300", "k_volume: -3", 27, "at least 0"),
     ("cells: [2, 2, 2]", "cells: 2", 26, "cells"),

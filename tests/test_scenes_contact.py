@@ -98,6 +98,23 @@ def test_it_survives_its_file(name: str, tmp_path: Path) -> None:
     assert again.definition == scene.definition
 
 
+@pytest.mark.parametrize("name", SCENES)
+def test_it_runs(name: str) -> None:
+    """A few steps of a small one: committed, nothing crosses, scripts are followed."""
+    if name == "letters":
+        pytest.importorskip("manifold3d")
+    simulation = Simulation(REGISTRY[name](**SMALL[name]))
+    for _ in range(4):
+        report = simulation.step()
+        assert report.status == "ok", report
+    model, x = simulation.model, simulation.state.positions()
+    assert np.isfinite(x).all()
+    assert model.surfaces is not None
+    assert len(intersections(model.surfaces, model.surfaces.positions(x))) == 0
+    for script in model.scripted:
+        np.testing.assert_allclose(x[script.begin : script.end], script.positions(simulation.state.time), atol=1e-12)
+
+
 def test_letters_fall_into_a_box_that_closes_after_twenty_seconds() -> None:
     pytest.importorskip("manifold3d")
     model, state = REGISTRY["letters"](**SMALL["letters"]).build()
