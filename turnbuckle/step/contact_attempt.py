@@ -75,6 +75,12 @@ class Attempt:
             s1 = self.moved(found.velocity.reshape(-1, 3))
             if not self.closing.exists or self.closing.closed(found.equality, self._motion()):
                 return s1
+            if self.closing.polish(base, self._motion(), self.tolerance, self._move):
+                return stepper.surfaces.positions(self.x1)
+
+    def _move(self, v: np.ndarray) -> Motion:
+        self.moved(v)
+        return self._motion()
 
     def _motion(self) -> Motion:
         return Motion(self.v, self.x1, self.bx1, self.q1)

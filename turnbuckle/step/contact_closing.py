@@ -4,10 +4,12 @@
 and gaps at its end, and is done when every gap is closed. Rows of mass points alone are linear: one look does.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
+import scipy.sparse.linalg as spla
 
 from turnbuckle.data.contact import ContactProblem
 from turnbuckle.data.rows import Rows
@@ -18,6 +20,9 @@ LOOKS = 40  # in a solve at most
 CLOSED = 1e-11  # [m or rad]; round-off of large coordinates is added
 SLOW = 0.7  # a gap that shrinks by less in a look, `PATIENCE` looks on end, closes no more
 PATIENCE = 4
+SMALL = 0.1  # part of the tolerance of contact that corrections without contact may move velocities by
+POLISH = 12  # corrections at most
+SLIGHT = 1e-12  # of the diagonal: what keeps rows that repeat each other solvable
 
 
 @dataclass
@@ -46,6 +51,7 @@ class Closing:
         self.exists = points is not None or joints.exists
         self.e: sp.csr_array | None = None
         self.gap = 0.0  # [m or rad] left after the last look
+        self._local: sp.csr_array | None = None
         self.good = True  # whether all was closed, or there was nothing to close
         if joints.exists:
             joints.begin(h)
@@ -96,7 +102,8 @@ class Closing:
         if self.points is not None:
             worst = max(worst, float(np.abs(self._point_gaps(motion.x)).max(initial=0.0)))
         self.gap = worst if np.isfinite(worst) else np.inf
-        allowed = CLOSED + 64 * np.finfo(float).eps * float(np.abs(motion.x).max(initial=0.0))
+        self.changed = changed
+        self.allowed = CLOSED + 64 * np.finfo(float).eps * float(np.abs(motion.x).max(initial=0.0))
         if changed:
             self.stuck, self.best = 0, np.inf
         elif self.gap > SLOW * self.best:
@@ -104,8 +111,51 @@ class Closing:
         else:
             self.stuck = 0
         self.best = min(self.best, self.gap)
-        self.good = self.gap <= allowed and not changed
+        self.good = self.gap <= self.allowed and not changed
         return self.good or self.looks >= LOOKS or self.stuck >= PATIENCE
+
+    def polish(
+        self, problem: ContactProblem, motion: Motion, tolerance: float, move: Callable[[np.ndarray], Motion]
+    ) -> bool:
+        """Close what is left when it is below what contact is solved to: by impulses of the rows alone.
+
+        Another solve would move velocities by its own tolerance [m/s], and gaps with them. ``move(v)`` makes a motion the
+        tentative one. True where all is closed.
+        """
+        if self.changed or not self.gap <= SMALL * tolerance * self.h:
+            return False
+        for _ in range(POLISH):
+            asked = self.put(problem, motion)
+            free = np.ones(len(motion.v)) if problem.fixed is None else (~problem.fixed).astype(float)
+            e = (asked.e @ sp.diags_array(np.repeat(free, 3))).tocsr()
+            across = (self._inverse(problem) @ e.T).tocsc()
+            s = (e @ across).tocsc()
+            s = (s + sp.diags_array(SLIGHT * s.diagonal() + 1e-300)).tocsc()
+            factor = spla.splu(s, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+            missing = asked.wanted - asked.e @ motion.v.ravel()
+            motion = move(motion.v + (across @ factor.solve(missing)).reshape(-1, 3))
+            self.gap = self._worst(motion)
+            self.good = self.gap <= self.allowed
+            if self.good:
+                return True
+        return False
+
+    def _inverse(self, problem: ContactProblem) -> sp.csr_array:
+        """D_A^-1, the metric of the corrections."""
+        if self._local is None:
+            a, n = problem.a, len(problem.free) // 3
+            rows = np.repeat(np.arange(n), np.diff(a.indptr))
+            own = np.zeros((n, 3, 3))
+            own[rows[rows == a.indices]] = a.data[rows == a.indices]
+            self._local = sp.bsr_array((np.linalg.inv(own), np.arange(n), np.arange(n + 1)), shape=a.shape).tocsr()
+        return self._local
+
+    def _worst(self, motion: Motion) -> float:
+        """The largest gap of all rows that act [m or rad]."""
+        worst = self.joints.missed(motion.bodies, motion.q) if self.joints.exists else 0.0
+        if self.points is not None:
+            worst = max(worst, float(np.abs(self._point_gaps(motion.x)).max(initial=0.0)))
+        return worst
 
     def _point_rows(self, motion: Motion) -> sp.csr_array:
         if self.constant is not None:

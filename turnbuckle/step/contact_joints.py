@@ -213,6 +213,12 @@ class ContactJoints:
         self.impulse = total.ravel()
         return worst, bool(changed.any() or (self.push != push).any())
 
+    def missed(self, x1: np.ndarray, q1: np.ndarray) -> float:
+        """The largest gap of the rows that act, for bodies that end at ``x1``, ``q1`` [m or rad]."""
+        _, end, _ = self._at(x1, q1)
+        part, k = self._held()
+        return float(np.abs(self._gaps(end.s)[part, k]).max(initial=0.0))
+
     def _revise_limits(self, impulse: np.ndarray, s: np.ndarray) -> None:
         parts = self.state.parts
         limit = self.modes == LIMIT
