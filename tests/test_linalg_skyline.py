@@ -51,7 +51,11 @@ def test_parts_are_solved(nailed):
     z = wp.zeros(n, dtype=wp.vec3d, device="cpu")
     held = put(fixed, wp.uint8)
     go = wp.zeros(1, dtype=wp.float64, device="cpu")
-    given = [put(a.indptr, wp.int32), put(a.indices, wp.int32), put(a.data, wp.mat33d), held]
+    more = np.zeros((n, 3, 3))  # on the diagonal
+    more[::3] = 2.0 * np.eye(3)
+    dense = dense + np.kron(np.diag(more[:, 0, 0]), np.eye(3))
+    diagonal = np.stack([dense[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] for i in range(n)])
+    given = [put(a.indptr, wp.int32), put(a.indices, wp.int32), put(a.data, wp.mat33d), put(diagonal, wp.mat33d), held]
     wp.launch(factor_parts, parts.count, inputs=[0, *factors.factor_inputs(*given)], device="cpu")
     wp.launch(solve_parts, parts.count, inputs=[0, *factors.solve_inputs(held, put(r, wp.vec3d), z, go)], device="cpu")
     free = np.repeat(fixed == 0, 3)

@@ -81,7 +81,7 @@ def find_parts(indptr: np.ndarray, indices: np.ndarray, left_out: np.ndarray) ->
         for (int e = starts.data[block]; e < starts.data[block + 1]; ++e) {
             const int j = local.data[others.data[e]];
             if (j < first || j > i || fixed.data[others.data[e]]) continue;
-            const double* b = aa + 9 * (size_t)e;
+            const double* b = j == i ? (const double*)diagonal.data + 9 * (size_t)block : aa + 9 * (size_t)e;
             const int at = 3 * (j - lead.data[i]);
             for (int k = 0; k < 3; ++k)
                 for (int c = 0; c < 3 && (j < i || c <= k); ++c) row[k * width + k * (k + 1) / 2 + at + c] = b[3 * k + c];
@@ -112,7 +112,8 @@ def find_parts(indptr: np.ndarray, indices: np.ndarray, left_out: np.ndarray) ->
 """
 )
 def factor_part(first: int, last: int, nodes: I32, lead: I32, start: I32, local: I32, starts: I32, others: I32,
-                a: wp.array(dtype=wp.mat33d), fixed: wp.array(dtype=wp.uint8), number: F64): ...  # fmt: skip
+                a: wp.array(dtype=wp.mat33d), diagonal: wp.array(dtype=wp.mat33d), fixed: wp.array(dtype=wp.uint8),
+                number: F64): ...  # fmt: skip
 
 
 @wp.func_native(
@@ -161,10 +162,14 @@ def solve_part(first: int, last: int, nodes: I32, lead: I32, start: I32, number:
 
 @wp.kernel
 def factor_parts(begin: int, offsets: I32, nodes: I32, lead: I32, start: I32, local: I32, starts: I32, others: I32,
-                 a: wp.array(dtype=wp.mat33d), fixed: wp.array(dtype=wp.uint8), number: F64):  # fmt: skip
-    """L of each part, its diagonal inverted; ``fixed`` blocks are those of the identity."""
+                 a: wp.array(dtype=wp.mat33d), diagonal: wp.array(dtype=wp.mat33d), fixed: wp.array(dtype=wp.uint8),
+                 number: F64):  # fmt: skip
+    """L of each part, its diagonal inverted; ``fixed`` blocks are those of the identity.
+
+    ``diagonal`` (n,) stands for the diagonal blocks of ``a``, and may be more.
+    """
     part = begin + wp.tid()
-    factor_part(offsets[part], offsets[part + 1], nodes, lead, start, local, starts, others, a, fixed, number)
+    factor_part(offsets[part], offsets[part + 1], nodes, lead, start, local, starts, others, a, diagonal, fixed, number)
 
 
 @wp.kernel
@@ -192,9 +197,12 @@ class SkylineFactors:
         self.number = wp.zeros(max(parts.numbers, 1), dtype=real, device=device)
         self.work = wp.zeros(max(3 * len(parts.nodes), 1), dtype=real, device=device)
 
-    def factor_inputs(self, starts: wp.array, others: wp.array, a: wp.array, fixed: wp.array) -> list:
+    def factor_inputs(
+        self, starts: wp.array, others: wp.array, a: wp.array, diagonal: wp.array, fixed: wp.array
+    ) -> list:
         """Of `factor_parts`."""
-        return [self.offsets, self.nodes, self.lead, self.start, self.local, starts, others, a, fixed, self.number]
+        given = [starts, others, a, diagonal, fixed]
+        return [self.offsets, self.nodes, self.lead, self.start, self.local, *given, self.number]
 
     def solve_inputs(self, fixed: wp.array, r: wp.array, z: wp.array, stop: wp.array, at: int = 0) -> list:
         """Of `solve_parts`, which does nothing where ``stop[at]`` is not zero."""

@@ -31,15 +31,16 @@ from turnbuckle.solvers.contact import newton_kernels as kernels
 from turnbuckle.solvers.contact.newton_buffers import Buffers
 from turnbuckle.solvers.contact.newton_equality import EqualityRows
 
-SCALE = 3.0  # rho times the compliance of a contact by itself
+SCALE = 2.0  # rho times the compliance of a contact by itself
 GATE = 3.0  # multipliers are updated once the gradient is below this times what they miss by
-FORCING = 0.1  # part of the gradient that conjugate gradients may leave
+FORCING = 0.25  # part of the gradient that conjugate gradients may leave
 BATCH = 8  # iterations of conjugate gradients between two looks at the result
 CG_LIMIT = 200.0
 TILES = 64
 SMALL = 500  # blocks and contacts below which one thread does all
 SLOW = 0.8  # multipliers that gain less a round make the penalty grow
 GROWTH = 1.5
+AGAIN = 2  # Newton steps between two factorisations of small bodies, which hold what their contacts add to the diagonal
 EXACT = 1e-3  # of the tolerance: a start that misses by less needs no step; others get one, so that rest becomes exact
 LARGEST = 1e4  # the largest SCALE
 WORSE = 0.7  # a step that leaves more than this of the gradient is looked at again
@@ -128,6 +129,8 @@ class NewtonSolver:
                 errors = self._evaluate()
             if errors.gradient <= exact:
                 continue
+            if self.factors is not None and newton % AGAIN == 0:
+                self._run("factor")
             tries, errors = self._newton_step(errors)
             cg += tries
             newton += 1
@@ -244,7 +247,7 @@ class NewtonSolver:
         if self.factors is not None:
             f, parts = self.factors, self.factors.parts.count
             apply.append((solve_parts, f.solve_inputs(b.fixed, b.residual, b.z, b.scalars, int(k.DONE)), parts))
-            factor = [(factor_parts, f.factor_inputs(b.starts, b.others, b.a, b.fixed), parts)]
+            factor = [(factor_parts, f.factor_inputs(b.starts, b.others, b.a, b.diagonal, b.fixed), parts)]
         if self.rows is not None:
             apply.append(lambda: self.rows.project())  # type: ignore[union-attr]
         penalties = (k.penalties, [*contact, b.local, b.fixed, b.scale, b.rho], t)
@@ -258,7 +261,8 @@ class NewtonSolver:
         ]  # fmt: skip
         batch = BATCH if self.rows is None else 1
         self._programs = {
-            "begin": program((k.local_inverses, [t, s, *matrix, b.local], t), penalties, *factor),
+            "begin": program((k.local_inverses, [t, s, *matrix, b.local], t), penalties),
+            "factor": program(*factor),
             "penalties": program(penalties),
             "evaluate": program(forces, slope, invert, (k.largest, [t, b.errors, b.scalars], 1),
                                 (k.wanted_shift, [*contact, b.v, b.mu, b.y], t)),
