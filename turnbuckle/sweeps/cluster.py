@@ -1,10 +1,11 @@
 """Runs on the workers of a Dask scheduler that the user runs."""
 
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from turnbuckle.data.errors import InputError, StepError
-from turnbuckle.sweeps.job import Job, Outcome, execute, failed, record_failure
+from turnbuckle.sweeps.job import FAR, Job, Outcome, bring_home, execute, failed, record_failure
 
 if TYPE_CHECKING:
     from dask.distributed import Future
@@ -30,11 +31,19 @@ def run_cluster(jobs: Sequence[Job], address: str) -> Iterator[tuple[int, Outcom
     try:
         for number, job in enumerate(jobs):
             futures[client.submit(execute, job, pure=False, key=f"turnbuckle-{number}-{job['folder']}")] = number
-        left = len(jobs)
-        for future in as_completed(list(futures)):
+        left, ending = len(jobs), as_completed(list(futures), loop=client.loop)
+        for future in ending:
             number = futures[future]
+            outcome = _outcome(future, jobs[number])
+            if outcome["status"] == FAR:  # no file system in common: the files travel
+                folder = Path(jobs[number]["folder"])
+                files = {file.name: file.read_bytes() for file in folder.iterdir() if file.is_file()}
+                again = client.submit(execute, {**jobs[number], "files": files}, pure=False, key=f"{future.key}-files")
+                futures[again] = number
+                ending.add(again)
+                continue
             left -= 1
-            yield number, _outcome(future, jobs[number])
+            yield number, outcome
         if left:
             raise StepError(f"--cluster {address}: the scheduler was lost; run the same again to go on")
     except OSError:  # of communication
@@ -47,7 +56,11 @@ def run_cluster(jobs: Sequence[Job], address: str) -> Iterator[tuple[int, Outcom
 def _outcome(future: "Future", job: Job) -> Outcome:
     """What became of a run, or why it has nothing to show."""
     if future.status == "finished":
-        return dict(future.result())
+        outcome = dict(future.result())
+        try:
+            return bring_home(job, outcome) if "files" in outcome else outcome
+        except OSError as error:
+            return failed(job, f"the folder of the run cannot be written ({error.strerror or error})")
     error = future.exception() if future.status == "error" else None
     reason = f"the cluster could not run it ({type(error).__name__ if error else future.status})"
     try:

@@ -8,6 +8,8 @@ import contextlib
 import os
 import shutil
 import socket
+import tempfile
+import threading
 import time
 import traceback
 import uuid
@@ -24,8 +26,10 @@ from turnbuckle.scene.scene import Scene
 from turnbuckle.step.simulation import Simulation
 from turnbuckle.sweeps.plan import OUTCOME, REPORT, RESULT, SCENE, read_json, write_json
 
-Job = dict[str, Any]  # folder, values, record (suffixes), device
+Job = dict[str, Any]  # folder, values, record (suffixes), device; `files`, where the folder cannot be reached
 Outcome = dict[str, Any]
+FAR = "far"  # status where the folder of the run cannot be reached from here
+_ONE = threading.Lock()  # a run at a time: a worker of Dask may have several threads
 
 
 def execute(job: Job) -> Outcome:
@@ -35,6 +39,13 @@ def execute(job: Job) -> Outcome:
     for `done` the bodies as they lay at the end.
     """
     folder = Path(job["folder"])
+    if not (folder / SCENE).is_file():
+        return _execute_far(job) if "files" in job else {"status": FAR}
+    with _ONE:
+        return _execute(job, folder)
+
+
+def _execute(job: Job, folder: Path) -> Outcome:
     found = read_json(folder / RESULT / OUTCOME)
     if found:
         return found
@@ -48,6 +59,27 @@ def execute(job: Job) -> Outcome:
         return failed(job, f"the folder of the run cannot be written ({error.strerror or error})")
     finally:
         shutil.rmtree(attempt, ignore_errors=True)
+
+
+def _execute_far(job: Job) -> Outcome:
+    """The run in a folder made for it; its files come back with the outcome."""
+    with tempfile.TemporaryDirectory(prefix="turnbuckle-") as made:
+        folder = Path(made)
+        for name, data in job["files"].items():
+            (folder / name).write_bytes(data)
+        with _ONE:
+            outcome = _execute(job, folder)
+        files = {file.name: file.read_bytes() for file in (folder / RESULT).glob("*")}
+    return {**outcome, "files": files}
+
+
+def bring_home(job: Job, outcome: Outcome) -> Outcome:
+    """Put the files of a run that was done far away into its folder, in one piece. Raises OSError."""
+    attempt = Path(job["folder"]) / f"attempt-{uuid.uuid4().hex}"
+    attempt.mkdir()
+    for name, data in outcome.pop("files").items():
+        (attempt / name).write_bytes(data)
+    return _promote(attempt, Path(job["folder"]) / RESULT, outcome)
 
 
 def failed(job: Job, reason: str, advice: str = "") -> Outcome:

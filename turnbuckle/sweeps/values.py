@@ -30,7 +30,7 @@ def parse_vary(text: str) -> tuple[str, list[Any]]:
     found = _RANGE.fullmatch(right)
     if found:
         return path, spaced(float(found[1]), float(found[2]), int(found[3]), bool(found[4]), f"--vary {text}")
-    if ":" in right and re.fullmatch(r"[\d.eE+:\s-]+(:log)?", right):
+    if re.match(rf"\s*{_NUMBER}:", right):
         raise InputError(
             f"--vary {text}: a range is first:last:count, such as 0.1:0.9:9, with :log for a constant ratio"
         )
