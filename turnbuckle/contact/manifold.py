@@ -20,11 +20,12 @@ class Refined:
     contacts: Contacts  # all rows, the first ones first
     crossed: Contacts  # what the last tentative motion still crosses; none when it is clear
     rounds: int  # solutions made
+    solved: bool = True  # False where no solution was found
 
     @property
     def clear(self) -> bool:
-        """Whether the last tentative motion crosses nothing."""
-        return self.crossed.count == 0
+        """Whether there is a last tentative motion, and it crosses nothing."""
+        return self.solved and self.crossed.count == 0
 
 
 def joined(first: Contacts, second: Contacts) -> Contacts:
@@ -57,7 +58,7 @@ def refine(
     for n in range(1, rounds + 1):
         x1 = solve(contacts)
         if x1 is None:
-            return Refined(contacts, contacts, n)
+            return Refined(contacts, contacts, n, False)
         found = crossed(x1)
         if found.count == 0:
             return Refined(contacts, found, n)

@@ -35,8 +35,9 @@ class Attempt:
         self.v0 = dynamics.velocities()
         equal = split(state, h, model.body_of)
         self.prescribed: Prescribed = dynamics.prescribe(h, equal.nails)
+        self.nails = equal.nails
         with stepper.timed("forces"):
-            self.a, self.load = dynamics.assemble(h)
+            self.a, self.load, self.given = dynamics.assemble(h)
         self.v0[self.prescribed.fixed] = self.prescribed.velocity[self.prescribed.fixed]
         self.arms = dynamics.arms(self.x0)
         self.closing = Closing(h, equal.rows, stepper.map, stepper.joints, self.arms, self.v0)

@@ -128,24 +128,32 @@ class ContactDynamics:
             velocity[point] = (nails.target - x[point]) / h
         return Prescribed(fixed, velocity, scripted)
 
-    def assemble(self, h: float) -> tuple[sp.bsr_array, np.ndarray]:
-        """A, and the load (n, 3) [N s] with ``A (v* - v) = load``, at the state.
+    def refresh(self, h: float) -> sp.bsr_array:
+        """A and all forces of elements at the state."""
+        state, rigid = self.state, self.state.rigid
+        return self.system.assemble(
+            host(state.now.x), host(state.now.v), h, gravity=state.gravity, rigid_q=host(rigid.q),
+            rigid_v=host(rigid.v), rigid_w=host(rigid.w),
+        )  # fmt: skip
+
+    def assemble(self, h: float) -> tuple[sp.bsr_array, np.ndarray, np.ndarray]:
+        """A, the load (n, 3) [N s] with ``A (v* - v) = load``, and the part of it that the user pushes with, at the state.
 
         A rigid body keeps its angular momentum over the turn that it is about to make: first-order, and never unstable.
         """
-        state, rigid = self.state, self.state.rigid
-        q, v, w = host(rigid.q), host(rigid.v), host(rigid.w)
-        a = self.system.assemble(
-            host(state.now.x), host(state.now.v), h, gravity=state.gravity, rigid_q=q, rigid_v=v, rigid_w=w
-        )
+        a = self.refresh(h)
         load = self.system.right_side(h).reshape(-1, 3)
-        load[: self.points] += h * self._fields()
+        given = np.zeros_like(load)
+        given[: self.points] = h * self._fields()
         if self.dynamic.any():
             force, torque = self._rigid_loads()
-            load[self.points :: 2] += h * force
-            load[self.points + 1 :: 2] += h * torque + self._turned(h)
+            given[self.points :: 2] = h * force
+            given[self.points + 1 :: 2] = h * torque
+            load[self.points + 1 :: 2] += self._turned(h)
+        given[self.never] = 0.0
+        load += given
         load[self.never] = 0.0
-        return a, load
+        return a, load, given
 
     def _turned(self, h: float) -> np.ndarray:
         """What the free turn changes of ``I w``: ``I (w_free - w)``, w_free with the same angular momentum later on."""

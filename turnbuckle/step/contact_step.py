@@ -29,10 +29,10 @@ from turnbuckle.geometry.quaternions import rotate
 from turnbuckle.integrators import SCHEMES
 from turnbuckle.solvers.contact.newton import NewtonSolver
 from turnbuckle.step.contact_attempt import Attempt
-from turnbuckle.step.contact_certificate import contact_conditions
 from turnbuckle.step.contact_dynamics import ContactDynamics
 from turnbuckle.step.contact_joint_report import JointReports
 from turnbuckle.step.contact_joints import ContactJoints
+from turnbuckle.step.contact_report import ContactReports
 from turnbuckle.step.contact_rows import Memory, PointMap
 from turnbuckle.step.contact_zones import Zones, clear_with_zones
 from turnbuckle.step.goals import move_goals
@@ -59,10 +59,11 @@ class ContactStepper:
         moves = ~still[self.surfaces.support].all(axis=1)
         self.detector = Detector(self.surfaces, moves, model.device, self.options.broad_phase)
         self.solver = NewtonSolver(model.device)
-        self.memory = Memory(self.surfaces)
+        self.memory = Memory(self.surfaces, state)
         self.joints = ContactJoints(model, state)
         self.joint_reports = JointReports(model, state, self.joints)
         self.articulated = self.joint_reports.articulated
+        self.reports = ContactReports(model, state)
         self.scheme = SCHEMES[model.integrator]()
         self._intersections: Intersections | None = None
         self._moves = moves
@@ -180,12 +181,7 @@ class ContactStepper:
         gap = self.detector.smallest_gap
         report.smallest_gap = gap if np.isfinite(gap) else None
         with self.timed("report"):
-            report.contact_residual = contact_conditions(attempt.problem, attempt.v.ravel(), attempt.solution.impulse)
-        report.energies = {
-            "kinetic": dynamics.kinetic(v, q), "elastic": dynamics.system.elastic_energy(),
-            "gravity": dynamics.gravity_energy(attempt.x1, attempt.bx1),
-        }  # fmt: skip
-        state.energies = report.energies
+            self.reports.measure(attempt, v, report)
         if not attempt.solution.converged:
             report.messages.append(f"contact forces missed their conditions by {attempt.solution.residual:.1e} m/s")
         self.joint_reports.report(report, self.model.size)

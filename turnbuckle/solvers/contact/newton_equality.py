@@ -42,7 +42,9 @@ class EqualityRows:
         self.m_et = (m @ self.e.T).tocsc()
         s = (self.e @ self.m_et).tocsc()
         s = s + sp.diags_array(SLIGHT * s.diagonal() + 1e-300)
-        self.s = spla.splu(s.tocsc())
+        self.s = spla.splu(
+            s.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+        )
 
     def meet(self) -> None:
         """Put the velocities of the buffers on the rows."""
