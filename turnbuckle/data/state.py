@@ -58,6 +58,12 @@ class State:
         default_factory=lambda: np.zeros(0)
     )  # of rows in the last step: what the solver starts from
     active: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32))  # rows at a limit
+    contact_keys: np.ndarray = field(
+        default_factory=lambda: np.zeros(0, np.int64)
+    )  # of pairs that touched in the last step, sorted (`turnbuckle.step.contact_rows.Memory`)
+    contact_impulse: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))  # of them on their side a [N s]
+    contact_sliding: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    script_delay: float = 0.0  # [s] by which scripts lag behind the time, where they have stalled
     time: float = 0.0  # [s]
     steps: int = 0
     dt: float = 0.0  # the last step [s], 0 before the first

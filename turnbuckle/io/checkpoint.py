@@ -32,9 +32,11 @@ from turnbuckle.io.recorder import reason
 
 AnyPath = str | os.PathLike[str]
 FORMAT = "turnbuckle checkpoint"
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 _PLAIN = (Kinematics, RigidState, Loads, JointParts)  # fields of `State` that are arrays by name
-_RESIZED = ("impulse", "active")  # arrays that are as long as the rows were in the last step
+_RESIZED = (  # arrays that are as long as the rows, or the contacts, were in the last step
+    "impulse", "active", "contact_keys", "contact_impulse", "contact_sliding",
+)  # fmt: skip
 _BROKEN_FILE = (
     OSError, ValueError, KeyError, EOFError, TypeError, IndexError, AttributeError, NotImplementedError, RuntimeError,
     OverflowError, MemoryError, SyntaxError, tokenize.TokenError, struct.error, zlib.error, zipfile.BadZipFile,

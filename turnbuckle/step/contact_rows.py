@@ -4,6 +4,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from turnbuckle.data.contact import VERTEX_FACE, Contacts, Surfaces
+from turnbuckle.data.state import State
 
 
 def frames(normal: np.ndarray) -> np.ndarray:
@@ -67,13 +68,29 @@ def contact_rows(
 
 
 class Memory:
-    """Impulses of the last step by pair, as world vectors: what a solver starts from (Contact, 5.5, step 1)."""
+    """Impulses of the last step by pair, as world vectors: what a solver starts from (Contact, 5.5, step 1).
 
-    def __init__(self, surfaces: Surfaces) -> None:
+    Kept in the state, so that a checkpoint has them, and a step that failed leaves those of the step before it.
+    """
+
+    def __init__(self, surfaces: Surfaces, state: State) -> None:
         self._span = int(max(len(surfaces.faces), len(surfaces.edges), surfaces.vertices, 1))
-        self.keys = np.zeros(0, dtype=np.int64)
-        self.impulse = np.zeros((0, 3))
-        self.sliding = np.zeros(0, dtype=bool)
+        self._state = state
+
+    @property
+    def keys(self) -> np.ndarray:
+        """(n,) int64, sorted: which pair."""
+        return self._state.contact_keys
+
+    @property
+    def impulse(self) -> np.ndarray:
+        """(n, 3) on side a of each pair [N s]."""
+        return self._state.contact_impulse
+
+    @property
+    def sliding(self) -> np.ndarray:
+        """(n,) bool: friction was at its limit."""
+        return self._state.contact_sliding
 
     def _key(self, contacts: Contacts) -> np.ndarray:
         a, b = contacts.a.astype(np.int64), contacts.b.astype(np.int64)
@@ -100,10 +117,9 @@ class Memory:
 
     def keep(self, contacts: Contacts, impulse: np.ndarray, sliding: np.ndarray) -> None:
         """Remember world impulses (m, 3), summed over rows of one pair, and which contacts slide."""
-        key = self._key(contacts)
-        self.keys, inverse = np.unique(key, return_inverse=True)
-        inverse = inverse.ravel()
-        self.impulse = np.stack(
-            [np.bincount(inverse, weights=impulse[:, k], minlength=len(self.keys)) for k in range(3)], axis=1
-        )
-        self.sliding = np.bincount(inverse, weights=sliding, minlength=len(self.keys)) > 0.0
+        state = self._state
+        state.contact_keys, inverse = np.unique(self._key(contacts), return_inverse=True)
+        inverse, n = inverse.ravel(), len(state.contact_keys)
+        sums = [np.bincount(inverse, weights=impulse[:, k], minlength=n) for k in range(3)]
+        state.contact_impulse = np.stack(sums, axis=1)
+        state.contact_sliding = np.bincount(inverse, weights=sliding, minlength=n) > 0.0
