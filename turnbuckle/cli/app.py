@@ -12,6 +12,7 @@ from turnbuckle.cli.run import run
 from turnbuckle.cli.scenes import scenes
 from turnbuckle.cli.schema import schema
 from turnbuckle.cli.sweep import sweep
+from turnbuckle.cli.view import view
 
 app = typer.Typer(
     name="turnbuckle",
@@ -42,7 +43,7 @@ def options(
     """Exact constrained dynamics of ropes, nets, cloth and deformable solids."""
 
 
-for verb in (run, sweep, check, assemble, convert, scenes, schema, bench):
+for verb in (run, sweep, check, assemble, convert, scenes, schema, view, bench):
     app.command()(verb)
 
 
