@@ -19,6 +19,7 @@ from turnbuckle.step.contact_rows import contact_rows, frames
 if TYPE_CHECKING:
     from turnbuckle.step.contact_step import ContactStepper
 
+NEAR = 0.8  # of delta: contacts nearer than this are let apart; between, they stay, since parting costs energy
 RECOVERED = 0.2  # part of what a contact is too near by that a step gives back
 LEAST = 1e-9  # [m/s] the smallest tolerance
 PART = 0.25  # of delta: a motion in a step that the tolerance is a part of, where gravity does less
@@ -111,7 +112,9 @@ class Attempt:
             self.friction = np.concatenate([self.friction, np.where(slid, mu[:, 1], mu[:, 0])])
         gap = np.einsum("mk,mkd,md->m", contacts.coefficients, self.s0[contacts.vertices], contacts.normal)
         delta = stepper.detector.deltas(contacts.kind, contacts.a, contacts.b)
-        apart = np.minimum(RECOVERED * np.maximum(delta - contacts.distance, 0.0), stepper.options.recovery * h)
+        apart = np.minimum(
+            RECOVERED * np.maximum(NEAR * delta - contacts.distance, 0.0), stepper.options.recovery * h
+        )
         target = np.where(contacts.distance < delta, contacts.distance + apart, delta)
         floor = (target - gap) / h
         if stepper.options.rows == "velocity":
