@@ -35,7 +35,11 @@ def random_solid(rng: np.random.Generator, damping: float, integrator: str) -> t
         pairs=spring, length=np.array([length(x[spring[0]])]), k=np.array([30.0]), k_d=np.array([30.0 * damping])
     )
     mass = rng.uniform(0.1, 10, 5)
-    return SimpleNamespace(integrator=integrator, mass=mass, springs=springs, tetrahedra=tetrahedra), x
+    none = {
+        "hinges": SimpleNamespace(points=np.zeros((0, 4), int)),
+        "corotational": SimpleNamespace(corners=np.zeros((0, 4), int)),
+    }
+    return SimpleNamespace(integrator=integrator, mass=mass, springs=springs, tetrahedra=tetrahedra, **none), x
 
 
 def length(p: np.ndarray) -> float:

@@ -136,7 +136,8 @@ class Model:
     @property
     def damped(self) -> bool:
         """Whether any element dissipates."""
-        return bool((self.springs.k_d > 0).any() or (self.tetrahedra.materials[:, 3:] > 0).any())
+        dampings = (self.springs.k_d, self.tetrahedra.materials[:, 3:], self.hinges.k_d, self.corotational.damping)
+        return any(bool((values > 0).any()) for values in dampings)
 
     def shape(self, name: str) -> Shape:
         """The body called ``name``. Raises `InputError` when there is none."""

@@ -13,12 +13,17 @@ from turnbuckle.data.rigid import RigidBodies
 
 def fingerprint(model: Model) -> dict[str, Any]:
     """Counts and settings as they are, arrays by their SHA-256. Names and the device do not count."""
-    springs, solids = ([getattr(part, f.name) for f in fields(part)] for part in (model.springs, model.tetrahedra))
+    elements = (model.springs, model.tetrahedra, model.hinges, model.corotational, model.strain_limits)
+    springs, solids, hinges, corotational, limits = ([getattr(part, f.name) for f in fields(part)] for part in elements)
     return {
         "points": model.points,
         "rigid bodies": model.rigid.count - 1,
         "springs": len(model.springs.pairs),
         "tetrahedra": len(model.tetrahedra.corners),
+        "hinges": len(model.hinges.points),
+        "corotational tetrahedra": len(model.corotational.corners),
+        "strain limits": len(model.strain_limits.pairs),
+        "scripted bodies": [[int(s.begin), int(s.end), bool(s.moves)] for s in model.scripted],
         "integrator": model.integrator,
         "response": model.response,
         "conflicts": model.conflicts,
@@ -30,13 +35,36 @@ def fingerprint(model: Model) -> dict[str, Any]:
         "expressions of forces and torques on rigid bodies": [
             [_text(f.force), _text(f.torque)] for f in model.rigid_fields
         ],
+        **_contact(model),
         "masses": _digest([model.mass]),
         "rest positions": _digest([model.rest]),
         "spring data": _digest(springs),
         "tetrahedron data": _digest(solids),
+        "hinge data": _digest(hinges),
+        "data of corotational tetrahedra": _digest(corotational),
+        "data of strain limits": _digest(limits),
+        "motions of scripted bodies": _digest(a for s in model.scripted for a in getattr(s.positions, "keys", ())),
         "points under forces": _digest([f.points for f in model.fields]),
         "data of rigid bodies": _digest(_rigid(model.rigid)),
         "places of forces on rigid bodies": _digest([a for f in model.rigid_fields for a in (f.bodies, f.at)]),
+    }
+
+
+def _contact(model: Model) -> dict[str, Any]:
+    """Options of contact by name, who touches whom, surfaces; only whether there is any, where contact is off."""
+    surfaces = model.surfaces
+    if surfaces is None:
+        return {"contact": False}
+    apart = ("delta", "collides", "friction")
+    options = {f"contact.{f.name}": getattr(model.contact, f.name) for f in fields(model.contact)}
+    return {
+        "contact": True,
+        **options,
+        "surface vertices": surfaces.vertices,
+        "data of surfaces": _digest(getattr(surfaces, f.name) for f in fields(surfaces) if f.name not in apart),
+        "distances that contact keeps": _digest([surfaces.delta]),
+        "pairs of bodies that may touch": _digest([surfaces.collides]),
+        "coefficients of friction": _digest([surfaces.friction]),
     }
 
 
@@ -56,11 +84,15 @@ def _rigid(bodies: RigidBodies) -> list[np.ndarray]:
 def difference(saved: dict[str, Any], here: dict[str, Any]) -> str | None:
     """In words, the first thing in which two fingerprints differ."""
     for name, value in here.items():
-        if name in saved and saved[name] != value:  # an older checkpoint holds less
-            if name.startswith(("masses", "rest", "spring d", "tetrahedron d", "points u", "data", "places")):
+        if name in saved and saved[name] != value:  # one with contact, the other without: they differ in that
+            if _is_digest(value):
                 return f"its {name} differ"
             return f"its {name}: {saved.get(name)}, here: {value}"
     return None
+
+
+def _is_digest(value: object) -> bool:
+    return isinstance(value, str) and len(value) == hashlib.sha256().digest_size * 2
 
 
 def _digest(arrays: Iterable[np.ndarray]) -> str:

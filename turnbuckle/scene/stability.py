@@ -1,8 +1,9 @@
 """How large a step an explicit scheme takes for the stiffness of a model.
 
-Every energy here is E = k C^2 / 2 of a dimensionless C with gradient g, so stiffness and damping matrices share rows:
-K = sum k g g^T and D = sum k_d g g^T (K without the part of the stress, zero at rest). With the masses, the fastest
-vibration is omega^2 = lambda_max(M^-1/2 K M^-1/2) and the strongest damping gamma = lambda_max(M^-1/2 D M^-1/2).
+Every energy here is E = k C^2 / 2 of a C with gradient g (corotational tetrahedra have seven of them, six strains and
+their trace), so stiffness and damping matrices share rows: K = sum k g g^T and D = sum k_d g g^T (K without the part of
+the stress, zero at rest). With the masses, the fastest vibration is omega^2 = lambda_max(M^-1/2 K M^-1/2) and the
+strongest damping gamma = lambda_max(M^-1/2 D M^-1/2).
 
 * Verlet and its kin on x'' = -omega^2 x - gamma x': z^2 - (2 - gamma h - omega^2 h^2) z + 1 - gamma h has its roots in
   the unit circle while omega^2 h^2 + 2 gamma h < 4.
@@ -21,6 +22,8 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
+from turnbuckle.bodies.corotational_stiffness import corotational_rows
+from turnbuckle.bodies.hinge_hessian import bends
 from turnbuckle.data.model import Model
 
 LEAPFROG = ("verlet", "velocity_verlet", "beeman", "euler_cromer")
@@ -74,6 +77,11 @@ def energy_rows(model: Model, positions: np.ndarray) -> Rows:
         add(tets.edges, _lengths(positions[tets.edges], tets.edge_length), edge[:, 0], edge[:, 3])
         add(tets.triangles, _areas(positions[tets.triangles], tets.triangle_area), face[:, 1], face[:, 4])
         add(tets.corners, _volumes(positions[tets.corners], tets.volume), cell[:, 2], cell[:, 5])
+    if len(model.hinges.points):
+        bent = bends(model.hinges, positions)
+        add(bent.points, bent.g.reshape(-1, 4, 3), bent.k, bent.k_d)
+    if len(model.corotational.corners):
+        add(*corotational_rows(model.corotational, positions))
     if not blocks:
         return Rows(sp.csr_array((0, 3 * len(model.mass))), np.zeros(0), np.zeros(0))
     return Rows(sp.vstack(blocks, format="csr"), np.concatenate(k), np.concatenate(k_d))
