@@ -27,7 +27,7 @@ $(VENV)/.stamp: pyproject.toml
 	@echo "Making the environment in $(VENV) with $$($(PYTHON) --version) (once; up to two minutes, most of it the download of Warp) ..."
 	@$(PYTHON) -m venv $(VENV)
 	@$(PIP) install --upgrade "pip>=25.1"
-	@$(PIP) install --editable ".[tet,usd]" --group test
+	@$(PIP) install --editable ".[tet,usd,text]" --group test
 	@touch $@
 	@echo "The environment is ready."
 

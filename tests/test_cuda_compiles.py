@@ -9,7 +9,9 @@ import warp as wp
 from turnbuckle.bodies.tetrahedra import tetrahedra_forces
 from turnbuckle.constraints.points.attach import land_attachments
 
-PACKAGES = ["bodies", "compute", "constraints.points", "integrators", "step"]
+PACKAGES = [
+    "bodies", "compute", "constraints.points", "contact", "integrators", "linalg", "solvers.contact", "step",
+]  # fmt: skip
 
 
 def modules() -> list[wp.Module]:

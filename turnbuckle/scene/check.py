@@ -42,7 +42,7 @@ def inspect_scene(scene: Scene) -> Inspection:
     too_large = step_warning(model, state.positions(), definition.dt, definition.duration)
     warnings += [too_large] if too_large else []
     warnings += weight_warnings(state)
-    warnings += conflict_warnings(list(state.groups.values()))
+    warnings += conflict_warnings(list(state.groups.values()), state.follows)
     warnings += far_warnings(model, state)
     warnings += domain_warnings(state)
     warnings += idle_limit_warnings(definition)
@@ -117,14 +117,18 @@ def far_warnings(model: Model, state: State) -> Iterator[str]:
             )
 
 
-def conflict_warnings(groups: list[Group]) -> Iterator[str]:
-    """Pairs of enabled constraints that hold the same point at the same time."""
+def conflict_warnings(groups: list[Group], follows: np.ndarray) -> Iterator[str]:
+    """Pairs of enabled constraints that hold the same point at the same time.
+
+    ``follows`` (points,) bool: points of rigid bodies, which serve many constraints.
+    """
     enabled = [group for group in groups if group.enabled and len(group.points)]
     if not enabled:
         return
     points = np.concatenate([group.points for group in enabled]).astype(np.int64)
     owners = np.repeat(np.arange(len(enabled)), [len(group.points) for group in enabled])
     order = np.lexsort((owners, points))
+    order = order[~follows[points[order]]] if len(follows) else order
     points, owners = points[order], owners[order]
     shared: dict[tuple[int, int], int] = {}
     # Only points with several owners are looked at one by one.
