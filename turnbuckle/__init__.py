@@ -11,8 +11,12 @@ if TYPE_CHECKING:
     from turnbuckle.data.model import Model
     from turnbuckle.data.report import RunReport, StepReport
     from turnbuckle.data.state import State
+    from turnbuckle.io.imported import Imported
+    from turnbuckle.io.importing import import_scene
+    from turnbuckle.io.usd_export import export_scene
     from turnbuckle.run.assemble import assemble
     from turnbuckle.run.assembly_report import AssemblyReport
+    from turnbuckle.run.export_recording import export_recording
     from turnbuckle.run.pose import pose
     from turnbuckle.run.run import run_scene
     from turnbuckle.scene.scene import Scene
@@ -26,6 +30,7 @@ __version__ = "0.1.0"
 _HOMES = {
     "AssemblyReport": "run.assembly_report",
     "ConflictError": "data.errors",
+    "Imported": "io.imported",
     "InputError": "data.errors",
     "Model": "data.model",
     "RunReport": "data.report",
@@ -38,14 +43,17 @@ _HOMES = {
     "SweepResult": "sweeps.sweep",
     "TurnbuckleError": "data.errors",
     "assemble": "run.assemble",
+    "export_recording": "run.export_recording",
+    "export_scene": "io.usd_export",
+    "import_scene": "io.importing",
     "pose": "run.pose",
     "run_scene": "run.run",
     "sweep": "sweeps.sweep",
 }
 
 __all__ = [
-    "AssemblyReport", "ConflictError", "InputError", "Model", "RunReport", "Scene", "Simulation", "State", "StepError",
-    "StepReport", "Stepper", "SweepResult", "TurnbuckleError", "assemble", "pose", "run_scene", "sweep",
+    "AssemblyReport", "ConflictError", "Imported", "InputError", "Model", "RunReport", "Scene", "Simulation", "State", "StepError",
+    "StepReport", "Stepper", "SweepResult", "TurnbuckleError", "assemble", "export_recording", "export_scene", "import_scene", "pose", "run_scene", "sweep",
 ]  # fmt: skip
 
 

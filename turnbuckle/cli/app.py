@@ -8,6 +8,8 @@ from turnbuckle.cli.assemble import assemble
 from turnbuckle.cli.bench import bench
 from turnbuckle.cli.check import check
 from turnbuckle.cli.convert import convert
+from turnbuckle.cli.export import export
+from turnbuckle.cli.import_ import import_
 from turnbuckle.cli.run import run
 from turnbuckle.cli.scenes import scenes
 from turnbuckle.cli.schema import schema
@@ -43,8 +45,8 @@ def options(
     """Exact constrained dynamics of ropes, nets, cloth and deformable solids."""
 
 
-for verb in (run, sweep, check, assemble, convert, scenes, schema, view, bench):
-    app.command()(verb)
+for verb in (run, sweep, check, assemble, convert, import_, export, scenes, schema, view, bench):
+    app.command(name=verb.__name__.rstrip("_"))(verb)
 
 
 def main() -> None:

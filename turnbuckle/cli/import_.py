@@ -16,13 +16,13 @@ def import_(
 ) -> None:
     """Read bodies, joints and couplings of FILE, write them as a scene, and name all that has no counterpart."""
     from turnbuckle.data.errors import InputError
-    from turnbuckle.io.importing import read_foreign
+    from turnbuckle.io.importing import import_scene
 
     if out.suffix.lower() not in (".yaml", ".yml", ".gascuel"):
         raise InputError(f"{out}: name the scene to write .yaml or .gascuel")
     if not out.absolute().parent.is_dir():
         raise InputError(f"{out}: there is no folder {str(out.parent)!r}")
-    found = read_foreign(file, shapes)
+    found = import_scene(file, shapes)
     found.scene.save(out)
     for text in found.left_out:
         typer.echo(f"left out: {text}")

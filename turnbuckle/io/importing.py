@@ -1,4 +1,4 @@
-"""`read_foreign`: a scene from the file of another program, by its suffix. Exported as `turnbuckle.import_scene`."""
+"""`import_scene`: a scene from the file of another program, by its suffix. Exported as `turnbuckle.import_scene`."""
 
 import os
 from pathlib import Path
@@ -12,7 +12,7 @@ from turnbuckle.io.usd_import import read_usd
 SUFFIXES = (".urdf", ".xml", ".mjcf", ".usd", ".usda", ".usdc", ".usdz")
 
 
-def read_foreign(path: str | os.PathLike[str], shapes: str = "collision") -> Imported:
+def import_scene(path: str | os.PathLike[str], shapes: str = "collision") -> Imported:
     """The scene in a URDF, MJCF or USD file, and what of it has no counterpart.
 
     An .xml is URDF where it begins with <robot>, else MJCF. ``shapes``: of URDF, "collision" or "visual".

@@ -38,7 +38,7 @@ with contextlib.suppress(ImportError):  # an optional extra
 SUFFIXES = (".usd", ".usda", ".usdc")
 
 
-def write_usd_scene(scene: Scene, path: str | os.PathLike[str]) -> list[str]:
+def export_scene(scene: Scene, path: str | os.PathLike[str]) -> list[str]:
     """Write ``scene`` as it starts; returns a sentence for each thing that only Turnbuckle will understand.
 
     Raises `InputError` for Python callables, another suffix, a place that cannot be written, and where usd-core is missing.
