@@ -14,6 +14,7 @@ from turnbuckle.solvers.contact.ica import solve_ica
 from turnbuckle.step.contact_closing import Closing, Motion
 from turnbuckle.step.contact_dynamics import Prescribed
 from turnbuckle.step.contact_equality import split
+from turnbuckle.step.contact_limits import Limits
 from turnbuckle.step.contact_rows import contact_rows, frames
 
 if TYPE_CHECKING:
@@ -32,13 +33,13 @@ class Attempt:
     def __init__(self, stepper: "ContactStepper", h: float) -> None:
         self.stepper, self.h = stepper, h
         model, state, dynamics = stepper.model, stepper.state, stepper.dynamics
-        self.x0 = np.array(host(state.now.x))
+        self.time0, self.dt0 = state.time, state.dt
+        dynamics.begin()
+        self.x0 = dynamics.x0
         self.v0 = dynamics.velocities()
         equal = split(state, h, model.body_of)
         self.prescribed: Prescribed = dynamics.prescribe(h, equal.nails)
         self.nails = equal.nails
-        with stepper.timed("forces"):
-            self.a, self.load, self.given = dynamics.assemble(h)
         self.v0[self.prescribed.fixed] = self.prescribed.velocity[self.prescribed.fixed]
         self.arms = dynamics.arms(self.x0)
         self.closing = Closing(h, equal.rows, stepper.map, stepper.joints, self.arms, self.v0)
@@ -54,6 +55,21 @@ class Attempt:
         self.tolerance = max(model.contact.tolerance * max(gravity, still), LEAST)
         self.iterations: dict[str, int] = {}
         self.free: np.ndarray | None = None
+        self.limits = Limits(self)
+        self.a: sp.bsr_array
+        self.base: np.ndarray  # (n, 3) of `ContactProblem.free`
+        self.load: np.ndarray | None  # (n, 3)
+        self.given: np.ndarray  # (n, 3) [N s] what the user pushes with
+        with stepper.timed("forces"):
+            self.began = stepper.dynamics_of.begin(self)
+
+    def again(self) -> bool:
+        """Linearise about the motion as it is; False where the scheme has nothing to gain from that."""
+        with self.stepper.timed("forces"):
+            if not self.stepper.dynamics_of.again(self):
+                return False
+        self.free, self.closing.v0 = None, self.base
+        return True
 
     def solve(self, contacts: Contacts) -> np.ndarray | None:
         """Velocities under these contacts; positions of surface vertices at the end of the step."""
@@ -61,11 +77,14 @@ class Attempt:
         with stepper.timed("rows"):
             base = self._problem(contacts)
         self.closing.start()
+        self.limits.start()
         s1 = self.moved(self.v)
-        while True:  # once, where no equality row turns with the motion
+        while True:  # once, where no row turns with the motion
             with stepper.timed("rows"):
-                problem = self.closing.put(base, self._motion()) if self.closing.exists else base
+                limited = self._limited(base)
+                problem = self.closing.put(limited, self._motion()) if self.closing.exists else limited
                 start = np.einsum("mij,mj->mi", self.frame, self.impulse)
+                start = np.concatenate([start, self.limits.impulse])
             with stepper.timed("contact_solve"):
                 found = self._solved(problem, start)
             if not np.isfinite(found.velocity).all():
@@ -73,12 +92,25 @@ class Attempt:
             for name, count in found.iterations.items():
                 self.iterations[name] = self.iterations.get(name, 0) + count
             self.solution, self.solved, self.problem = found, contacts, problem
-            self.impulse = np.einsum("mij,mi->mj", self.frame, found.impulse)
+            m = contacts.count
+            self.impulse = np.einsum("mij,mi->mj", self.frame, found.impulse[:m])
             s1 = self.moved(found.velocity.reshape(-1, 3))
+            if self.limits.exists and not self.limits.kept(found.impulse[m:], self.x1):
+                continue
             if not self.closing.exists or self.closing.closed(found.equality, self._motion()):
                 return s1
-            if self.closing.polish(base, self._motion(), self.tolerance, self._move):
+            if self.closing.polish(limited, self._motion(), self.tolerance, self._move):
                 return stepper.surfaces.positions(self.x1)
+
+    def _limited(self, problem: ContactProblem) -> ContactProblem:
+        """The problem with rows of strain limits after those of contacts."""
+        limits = self.limits
+        if limits.count == 0:
+            return problem
+        j = sp.vstack([problem.j, limits.rows()], format="bsr")
+        floor = np.concatenate([problem.floor, limits.floor()])
+        friction = np.concatenate([problem.friction, np.zeros(limits.count)])
+        return replace(problem, j=j, floor=floor, friction=friction)
 
     def _move(self, v: np.ndarray) -> Motion:
         self.moved(v)
@@ -103,7 +135,7 @@ class Attempt:
         new = contacts.count - len(self.impulse)
         if new:  # those of earlier rounds come first
             fresh = Contacts(*(getattr(contacts, n)[len(self.impulse) :] for n in Contacts.__dataclass_fields__))
-            ratio = h / stepper.state.dt if stepper.state.dt > 0.0 else 1.0
+            ratio = h / self.dt0 if self.dt0 > 0.0 else 1.0
             known, slid = stepper.memory.recall(fresh, ratio)
             self.frame = np.concatenate([self.frame, frames(fresh.normal)])
             self.impulse = np.concatenate([self.impulse, known])
@@ -120,9 +152,9 @@ class Attempt:
         if stepper.options.rows == "velocity":
             floor = np.zeros(contacts.count)
         return ContactProblem(
-            a=self.a, free=self.v0.ravel(), j=contact_rows(surfaces, contacts, self.frame, self.arms, stepper.map),
+            a=self.a, free=self.base.ravel(), j=contact_rows(surfaces, contacts, self.frame, self.arms, stepper.map),
             floor=floor, friction=self.friction, pairs=stepper.dynamics.pairs,
-            fixed=self.prescribed.fixed, load=self.load.ravel(),
+            fixed=self.prescribed.fixed, load=None if self.load is None else self.load.ravel(),
         )  # fmt: skip
 
     def _solved(self, problem: ContactProblem, start: np.ndarray) -> ContactSolution:

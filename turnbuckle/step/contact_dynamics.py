@@ -47,8 +47,15 @@ class ContactDynamics:
         self.never[: self.points] = model.mass <= 0.0
         self.never[self.points :] = np.repeat(~self.dynamic, 2)
         self.pairs = (self.points + 2 * np.flatnonzero(self.dynamic)).astype(np.int32)
+        self.alpha = self.beta = 1.0  # of the scheme (`turnbuckle.bodies.implicit_system`)
+        self.begin()
 
     # Where things are ----------------------------------------------------------------------------------------------
+
+    def begin(self) -> None:
+        """Take over the state as the start of a step, which the state may leave before the step is solved."""
+        rigid = self.state.rigid
+        self.x0, self.bx0, self.q0 = (np.array(host(a)) for a in (self.state.now.x, rigid.x, rigid.q))
 
     def velocities(self) -> np.ndarray:
         """Velocities of all blocks at the start of the step (n, 3)."""
@@ -63,13 +70,12 @@ class ContactDynamics:
 
         Points of rigid bodies follow their bodies, scripted points their script.
         """
-        rigid = self.state.rigid
-        x = host(self.state.now.x) + h * v[: self.points]
+        x = self.x0 + h * v[: self.points]
         there = ~np.isnan(prescribed.scripted[:, 0])
         x[there] = prescribed.scripted[there]
-        bx = host(rigid.x) + h * v[self.points :: 2]
+        bx = self.bx0 + h * v[self.points :: 2]
         turn = Rotation.from_rotvec(h * v[self.points + 1 :: 2])
-        q = (turn * Rotation.from_quat(host(rigid.q))).as_quat()
+        q = (turn * Rotation.from_quat(self.q0)).as_quat()
         if len(self.slaves):
             body = self.body_of[self.slaves]
             x[self.slaves] = bx[body] + rotate(q[body], self.model.rigid.local[self.slaves])
@@ -77,25 +83,43 @@ class ContactDynamics:
 
     def arms(self, x: np.ndarray) -> np.ndarray:
         """From the centre of the body to each point at ``x``, (points, 3); zero for points of no rigid body."""
+        return self.arms_of(x, self.bx0)
+
+    def arms_of(self, x: np.ndarray, bx: np.ndarray) -> np.ndarray:
+        """The same for centres of bodies at ``bx`` (bodies, 3)."""
         r = np.zeros((self.points, 3))
-        r[self.slaves] = x[self.slaves] - host(self.state.rigid.x)[self.body_of[self.slaves]]
+        r[self.slaves] = x[self.slaves] - bx[self.body_of[self.slaves]]
         return r
 
     def nodes(self, a: sp.bsr_array, prescribed: Prescribed) -> Nodes:
-        """What zones of impact are made of, at the state."""
-        rigid, points = self.state.rigid, self.points
-        place = np.concatenate([host(self.state.now.x), np.repeat(host(rigid.x), 2, axis=0)])
+        """What zones of impact are made of, at the start of the step."""
+        points = self.points
+        place = np.concatenate([self.x0, np.repeat(self.bx0, 2, axis=0)])
         mass = np.zeros(self.n)
         mass[:points] = np.maximum(self.model.mass, 0.0)
         mass[points::2] = self.model.rigid.mass
         inertia = np.zeros((self.n, 3, 3))
-        turn = Rotation.from_quat(host(rigid.q)).as_matrix()
-        inertia[points + 1 :: 2] = np.einsum("nij,nj,nkj->nik", turn, self.model.rigid.inertia, turn)
+        inertia[points + 1 :: 2] = self.inertias(self.q0)
         first = np.arange(self.n)
         first[points + 1 :: 2] -= 1
         spins = np.zeros(self.n, dtype=bool)
         spins[points + 1 :: 2] = True
         return Nodes(place, mass, inertia, prescribed.fixed, first, spins)
+
+    def inertias(self, q: np.ndarray) -> np.ndarray:
+        """Tensors of inertia in world axes (bodies, 3, 3) [kg m^2] of bodies turned by ``q`` (bodies, 4)."""
+        turn = Rotation.from_quat(q).as_matrix()
+        return np.einsum("nij,nj,nkj->nik", turn, self.model.rigid.inertia, turn)
+
+    def masses(self) -> sp.bsr_array:
+        """M at the start of the step, as A of explicit schemes: ones where nothing is ever solved for."""
+        blocks = np.tile(np.eye(3), (self.n, 1, 1))
+        own = ~self.never[: self.points]
+        blocks[: self.points][own] *= self.model.mass[own, None, None]
+        blocks[self.points :: 2][self.dynamic] *= self.model.rigid.mass[self.dynamic, None, None]
+        blocks[self.points + 1 :: 2][self.dynamic] = self.inertias(self.q0)[self.dynamic]
+        index = np.arange(self.n + 1, dtype=np.int32)
+        return sp.bsr_array((blocks, index[:-1], index), shape=(3 * self.n, 3 * self.n))
 
     def block_of(self, point: np.ndarray) -> np.ndarray:
         """The block that moves each point: its own, or the first of its rigid body."""
@@ -110,7 +134,7 @@ class ContactDynamics:
         velocity = np.zeros((self.n, 3))
         x = host(self.state.now.x)
         scripted = np.full((self.points, 3), np.nan)
-        end = self.state.time + h
+        end = self.state.time + h - self.state.script_delay
         for script in self.model.scripted:
             part = slice(script.begin, script.end)
             scripted[part] = script.positions(end) if script.moves else x[part]
@@ -132,31 +156,19 @@ class ContactDynamics:
         """A and all forces of elements at the state."""
         state, rigid = self.state, self.state.rigid
         return self.system.assemble(
-            host(state.now.x), host(state.now.v), h, gravity=state.gravity, rigid_q=host(rigid.q),
-            rigid_v=host(rigid.v), rigid_w=host(rigid.w),
+            host(state.now.x), host(state.now.v), h, self.alpha, self.beta, gravity=state.gravity,
+            rigid_q=host(rigid.q), rigid_v=host(rigid.v), rigid_w=host(rigid.w),
         )  # fmt: skip
 
-    def assemble(self, h: float) -> tuple[sp.bsr_array, np.ndarray, np.ndarray]:
-        """A, the load (n, 3) [N s] with ``A (v* - v) = load``, and the part of it that the user pushes with, at the state.
+    def again(self, x: np.ndarray, v: np.ndarray, h: float) -> sp.bsr_array:
+        """A and all forces of elements at an iterate ``x``, ``v`` (points, 3); rigid bodies as at the start."""
+        return self.system.assemble(x, v, h, self.alpha, self.beta, gravity=self.state.gravity)
 
-        A rigid body keeps its angular momentum over the turn that it is about to make: first-order, and never unstable.
+    def turned(self, h: float) -> np.ndarray:
+        """What a free turn over ``h`` changes of ``I w``: ``I (w_free - w)``, w_free with the same angular momentum later.
+
+        So a rigid body keeps its angular momentum over the turn that it is about to make: first-order, and never unstable.
         """
-        a = self.refresh(h)
-        load = self.system.right_side(h).reshape(-1, 3)
-        given = np.zeros_like(load)
-        given[: self.points] = h * self._fields()
-        if self.dynamic.any():
-            force, torque = self._rigid_loads()
-            given[self.points :: 2] = h * force
-            given[self.points + 1 :: 2] = h * torque
-            load[self.points + 1 :: 2] += self._turned(h)
-        given[self.never] = 0.0
-        load += given
-        load[self.never] = 0.0
-        return a, load, given
-
-    def _turned(self, h: float) -> np.ndarray:
-        """What the free turn changes of ``I w``: ``I (w_free - w)``, w_free with the same angular momentum later on."""
         rigid = self.state.rigid
         q, w = host(rigid.q), host(rigid.w)
         inertia = self.model.rigid.inertia
@@ -168,35 +180,40 @@ class ContactDynamics:
         out[~self.dynamic] = 0.0
         return out
 
-    def _fields(self) -> np.ndarray:
-        """Force fields on points (points, 3) [N]; raises FloatingPointError where one is not finite."""
-        x, v = host(self.state.now.x), host(self.state.now.v)
-        out = np.zeros((self.points, 3))
+    def pushes(self, x: np.ndarray, v: np.ndarray, bx: np.ndarray, q: np.ndarray, t: float) -> np.ndarray:
+        """What the user pushes with: loads and force fields (n, 3) [N, N m] at ``x`` (points, 3), poses ``bx``, ``q``,
+        block velocities ``v`` (n, 3) and time ``t``. Raises FloatingPointError where one is not finite."""
+        out = np.zeros((self.n, 3))
         for f in self.model.fields:
-            values = field_values(f.name, f.force, x[f.points], v[f.points], self.state.time, self.model.mass[f.points])
+            values = field_values(f.name, f.force, x[f.points], v[f.points], t, self.model.mass[f.points])
             if not np.isfinite(values).all():
-                raise FloatingPointError(f"force '{f.name}' is not finite at t = {self.state.time:g} s")
+                raise FloatingPointError(f"force '{f.name}' is not finite at t = {t:g} s")
             out[f.points] += values
+        if self.dynamic.any():
+            out[self.points :: 2], out[self.points + 1 :: 2] = self._rigid_loads(
+                bx, q, v[self.points :: 2], v[self.points + 1 :: 2], t
+            )
+        out[self.never] = 0.0
         return out
 
-    def _rigid_loads(self) -> tuple[np.ndarray, np.ndarray]:
+    def _rigid_loads(
+        self, x: np.ndarray, q: np.ndarray, v: np.ndarray, w: np.ndarray, t: float
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Pushes and force fields on bodies [N], [N m]."""
         pushes, bodies = self.state.loads, self.model.rigid
-        rigid = self.state.rigid
-        x, q, v, w = (host(getattr(rigid, name)) for name in "xqvw")
         force = pushes.force.copy()
         torque = pushes.torque + np.cross(rotate(q, pushes.at), pushes.force)
         for f in self.model.rigid_fields:
             b = f.bodies
             arm = rotate(q[b], f.at)
-            given = (x[b] + arm, v[b] + np.cross(w[b], arm), self.state.time, bodies.mass[b])
+            given = (x[b] + arm, v[b] + np.cross(w[b], arm), t, bodies.mass[b])
             value = field_values(f.name, f.force, *given)
             force[b] += value
             torque[b] += np.cross(arm, value)
             if f.torque is not None:
                 torque[b] += field_values(f.name, f.torque, *given)
         if not (np.isfinite(force).all() and np.isfinite(torque).all()):
-            raise FloatingPointError(f"a force on rigid bodies is not finite at t = {self.state.time:g} s")
+            raise FloatingPointError(f"a force on rigid bodies is not finite at t = {t:g} s")
         return force, torque
 
     # What is measured ----------------------------------------------------------------------------------------------

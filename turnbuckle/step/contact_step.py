@@ -33,7 +33,10 @@ from turnbuckle.step.contact_dynamics import ContactDynamics
 from turnbuckle.step.contact_joint_report import JointReports
 from turnbuckle.step.contact_joints import ContactJoints
 from turnbuckle.step.contact_report import ContactReports
+from turnbuckle.step.contact_limits import ALLOWED
 from turnbuckle.step.contact_rows import Memory, PointMap
+from turnbuckle.step.contact_schemes import BackwardEuler, ContactScheme, Newmark
+from turnbuckle.step.contact_velocities import end_velocities
 from turnbuckle.step.contact_zones import Zones, clear_with_zones
 from turnbuckle.step.goals import move_goals
 from turnbuckle.step.snapshot import Snapshot
@@ -65,9 +68,16 @@ class ContactStepper:
         self.articulated = self.joint_reports.articulated
         self.reports = ContactReports(model, state)
         self.scheme = SCHEMES[model.integrator]()
+        self.dynamics_of = self._scheme()
+        self.dynamics.alpha, self.dynamics.beta = self.dynamics_of.alpha, self.dynamics_of.beta
         self._intersections: Intersections | None = None
         self._moves = moves
         self._seconds: dict[str, float] = {}
+
+    def _scheme(self) -> ContactScheme:
+        if self.model.integrator == "newmark":
+            return Newmark(self)
+        return BackwardEuler(self)
 
     @contextmanager
     def timed(self, stage: str) -> Iterator[None]:
@@ -107,6 +117,10 @@ class ContactStepper:
         with self.timed("detection"):
             contacts = self.detector.near(attempt.s0) if self.options.proximity else no_contacts()
         refined = refine(contacts, attempt.solve, attempt.crossed, self.options.rounds)
+        for _ in range(self.dynamics_of.iterations - 1):
+            if not refined.clear or not attempt.again():
+                break
+            refined = refine(refined.contacts, attempt.solve, attempt.crossed, self.options.rounds)
         if refined.clear and (attempt.closing.good or depth == 0):
             return self._commit(attempt, refined)
         if depth == 0:
@@ -160,7 +174,7 @@ class ContactStepper:
         state, dynamics, h = self.state, self.dynamics, attempt.h
         assert attempt.solution is not None
         q = attempt.q1
-        v = self.joints.project(attempt.v, attempt.bx1, q)
+        v = end_velocities(attempt)
         self._remember(attempt)
         body = self.model.body_of[dynamics.slaves]
         speeds = v[: self.model.points].copy()
@@ -171,19 +185,21 @@ class ContactStepper:
         state.now.v.assign(np.ascontiguousarray(speeds))
         for name, values in (("x", attempt.bx1), ("q", q), ("v", v[self.model.points :: 2]), ("w", v[self.model.points + 1 :: 2])):
             getattr(state.rigid, name).assign(np.ascontiguousarray(values))
-        state.time += h
+        state.time = attempt.time0 + h
         state.dt = h
         state.stale = False
         state.activated = False
         report = StepReport(time=state.time, dt=h, rounds=refined.rounds, iterations=dict(attempt.iterations))
         report.contacts = attempt.solved.count
-        report.touching = int((attempt.solution.impulse[:, 0] > 0.0).sum())
+        report.touching = int((attempt.solution.impulse[: report.contacts, 0] > 0.0).sum())
         gap = self.detector.smallest_gap
         report.smallest_gap = gap if np.isfinite(gap) else None
         with self.timed("report"):
             self.reports.measure(attempt, v, report)
         if not attempt.solution.converged:
             report.messages.append(f"contact forces missed their conditions by {attempt.solution.residual:.1e} m/s")
+        if attempt.limits.over > ALLOWED:
+            report.messages.append(f"strain limits are passed by {attempt.limits.over:.1e} of the length")
         self.joint_reports.report(report, self.model.size)
         report.broken = break_rows(self.model, state) + self.joint_reports.break_joints()
         report.status = "degraded" if report.messages else "ok"
@@ -191,7 +207,7 @@ class ContactStepper:
 
     def _remember(self, attempt: Attempt) -> None:
         assert attempt.solution is not None
-        r = attempt.solution.impulse
+        r = attempt.solution.impulse[: attempt.solved.count]
         tangential = np.linalg.norm(r[:, 1:], axis=1)
         sliding = (r[:, 0] > 0.0) & (tangential >= attempt.friction * r[:, 0] * (1.0 - 1e-6))
         self.memory.keep(attempt.solved, attempt.impulse, sliding)
