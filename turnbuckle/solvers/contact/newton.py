@@ -29,6 +29,7 @@ from turnbuckle.linalg.skyline import SkylineFactors, factor_parts, find_parts, 
 from turnbuckle.solvers.contact import newton_gradients as cg_kernels
 from turnbuckle.solvers.contact import newton_kernels as kernels
 from turnbuckle.solvers.contact.newton_buffers import Buffers
+from turnbuckle.solvers.contact.newton_drift import Drift
 from turnbuckle.solvers.contact.newton_equality import EqualityRows
 
 SCALE = 2.0  # rho times the compliance of a contact by itself
@@ -152,6 +153,7 @@ class NewtonSolver:
         gradient = float(values[kernels.GRADIENT])
         if self.rows is not None:
             gradient = self.rows.remove()
+        gradient = max(gradient, self.drift.largest(self.buffers.read("g", self._blocks)))
         return Errors(gradient, float(values[kernels.PRIMAL]), float(values[kernels.SHIFT]))
 
     def _newton_step(self, before: Errors) -> tuple[int, Errors]:
@@ -212,6 +214,9 @@ class NewtonSolver:
             self._parts_of, self._key = key, ()
             parts = find_parts(a.indptr, a.indices, left_out)
             self.factors = SkylineFactors(parts, self.device) if parts.count else None
+            self.drift = Drift(a.indptr, a.indices, left_out)
+        self._blocks = len(left_out)
+        self.drift.take(a, problem.fixed)
 
     def _record(self, tiles: int) -> None:
         key = (self.buffers.grown, tiles, self.rows is not None)

@@ -1,0 +1,42 @@
+"""What small gradients hide: the motion of whole bodies.
+
+``|D_A^-1 g|`` of a block is what it alone would do. In a stiff body blocks cannot move alone, and the sum of gradients far
+below the tolerance may still be a large part of its momentum: A has M for translations of a body, and D_A is thousands of
+times as large. So the sum of g over each body that nothing holds, over its mass, must be below the tolerance as well.
+"""
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
+
+
+class Drift:
+    """Bodies of one pattern of A: blocks that it couples."""
+
+    def __init__(self, indptr: np.ndarray, indices: np.ndarray, left_out: np.ndarray) -> None:
+        """``left_out`` (n,) bool: blocks whose body is not asked, since rows hold it."""
+        n = len(indptr) - 1
+        graph = sp.csr_array((np.ones(len(indices), dtype=np.int8), indices, indptr), shape=(n, n))
+        count, label = connected_components(graph, directed=False)
+        alone = np.bincount(label, minlength=count) < 3  # single points and rigid bodies: D_A is all of A
+        alone[label[left_out]] = True
+        self._label, self._count, self._alone = label, count, alone
+
+    def take(self, a: sp.bsr_array, fixed: np.ndarray | None) -> None:
+        """Masses of the bodies of A, and the sums over them; those with fixed blocks are not asked."""
+        alone = self._alone.copy()
+        if fixed is not None:
+            alone[self._label[fixed]] = True
+        blocks = np.flatnonzero(~alone[self._label])
+        bodies, part = np.unique(self._label[blocks], return_inverse=True)
+        shape = (len(bodies), len(self._label))
+        self._sums = sp.csr_array((np.ones(len(blocks)), (part, blocks)), shape=shape)
+        traces = np.einsum("eii->e", a.data) / 3.0
+        row = np.add.reduceat(np.append(traces, 0.0), a.indptr[:-1]) * (np.diff(a.indptr) > 0)
+        self._mass = self._sums @ row
+
+    def largest(self, g: np.ndarray) -> float:
+        """Of the mean velocities [m/s] that gradients g (n, 3) [N s] would still give to bodies."""
+        if len(self._mass) == 0:
+            return 0.0
+        return float((np.linalg.norm(self._sums @ g, axis=1) / self._mass).max())
