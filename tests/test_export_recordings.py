@@ -114,7 +114,9 @@ def test_glb_is_the_run(recorded: Path, run: Recording, tmp_path: Path) -> None:
     targets = np.array([values(content, binary, t["POSITION"]) for t in primitive["targets"]])
     weights = channel("cloth", "weights").reshape(FRAMES, FRAMES - 1)
     for frame in range(FRAMES):
-        assert np.allclose(base + np.einsum("t,tnd->nd", weights[frame], targets), points(run, "cloth", frame), atol=1e-6)
+        assert np.allclose(
+            base + np.einsum("t,tnd->nd", weights[frame], targets), points(run, "cloth", frame), atol=1e-6
+        )
     # What is rigid: the node carries the corners to where they were.
     from scipy.spatial.transform import Rotation
 
