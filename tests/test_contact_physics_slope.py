@@ -11,7 +11,9 @@ DT = 0.01
 KINDS = ("rigid", "soft", "cloth")
 
 
-def on_slope(kind: str, mu: float, part: float, heading: float, **contact) -> tuple[turnbuckle.Simulation, Rotation, float]:
+def on_slope(
+    kind: str, mu: float, part: float, heading: float, **contact
+) -> tuple[turnbuckle.Simulation, Rotation, float]:
     """A body on a slope at ``part`` of the angle of friction, which falls towards ``heading``; with its turn and angle."""
     angle = part * np.arctan(mu)
     turn = Rotation.from_rotvec(angle * np.array([-np.sin(heading), np.cos(heading), 0.0]))
