@@ -14,7 +14,7 @@ from turnbuckle.data.errors import InputError
 from turnbuckle.io.imported import Frame, Gathering, Imported
 from turnbuckle.io.usd_items import DEFINITION, PREFIX, SCENE, is_unchanged, kept
 from turnbuckle.io.usd_joints import JointReader
-from turnbuckle.io.usd_shapes import part_of, placed
+from turnbuckle.io.usd_shapes import ALONG, part_of, placed
 
 with contextlib.suppress(ImportError):  # an optional extra
     from pxr import Tf, Usd, UsdGeom, UsdPhysics
@@ -206,10 +206,13 @@ class UsdReader:
             above = above.GetParent()
         name = self.out.name(prim.GetDisplayName() or prim.GetName(), "bodies", "obstacle")
         if prim.GetTypeName() == "Plane":
-            turn = placed(prim, self.meters)[0]
+            frame, scale = placed(prim, self.meters)
             plane = UsdGeom.Plane(prim)
-            sides = [float(a.Get() or 2.0) * self.meters for a in (plane.GetWidthAttr(), plane.GetLengthAttr())]
-            self.out.data["bodies"].append({"type": "obstacle", "name": name, "plane": sides, **turn.fields()})
+            axis = str(plane.GetAxisAttr().Get())
+            factors = np.abs(scale)[{"X": [2, 1], "Y": [0, 2]}.get(axis, [0, 1])] * self.meters
+            sides = np.array([float(a.Get() or 2.0) for a in (plane.GetWidthAttr(), plane.GetLengthAttr())]) * factors
+            frame = frame * Frame(turn=ALONG.get(axis, ALONG["Z"]))
+            self.out.data["bodies"].append({"type": "obstacle", "name": name, "plane": sides, **frame.fields()})
             return
         part = part_of(prim, Frame(), self.meters, self.out, f"collider '{name}'")
         if part is not None:
@@ -263,14 +266,15 @@ class UsdReader:
         """All else that simulates."""
         soft, other = [], []
         for prim in prims:
-            schemas = prim.GetAppliedSchemas()
+            schemas = prim.GetPrimTypeInfo().GetAppliedAPISchemas()  # also those that this USD does not know
             if (
                 any("Deformable" in s or "Cloth" in s or "Particle" in s for s in schemas)
                 and kept(prim, DEFINITION) is None
             ):
                 soft.append(str(prim.GetPath()))
             kind = prim.GetTypeName()
-            foreign = "Attachment" in kind or "Tendon" in kind or kind in ("PhysicsCollisionGroup",)
+            foreign = any(word in kind for word in ("Attachment", "Tendon", "Joint", "CollisionGroup"))
+            foreign = foreign and not prim.IsA(UsdPhysics.Joint)
             if foreign and kept(prim, DEFINITION) is None:
                 other.append(f"{prim.GetPath()} ({kind})")
         self.out.note_all("deformable bodies of other programs have no counterpart", soft)
