@@ -1,6 +1,6 @@
 """Bodies on the page: one node a body; of rigid ones only the pose is sent, of others the vertices."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from turnbuckle.live.tubes import tube_faces, tube_vertices
 from turnbuckle.viewer.geometry import PALETTE, split_creases
 
 TUBE = 0.0025  # of the scene's size: radius of a line
+FAR = 1e6  # of the scene's size: what has flown further is not drawn
 STILL = 1e-7  # of the scene's size: what has moved by less is not sent again
 
 
@@ -32,6 +33,7 @@ class Body:
         vertices = shape.local[self._used] if self.rigid and not len(self._lines) else self._vertices(x)
         self.rigid = self.rigid and not len(self._lines)
         self._shown = np.array(vertices, dtype=np.float32)
+        self.count = len(vertices)
         self._pose = (np.full(3, np.nan), np.zeros(4))
         self.node = scene.add_mesh_simple(
             f"/bodies/{shape.name}", vertices=self._shown, faces=faces.astype(np.uint32),
@@ -47,7 +49,9 @@ class Body:
         return own[self._used]
 
     def update(self, x: np.ndarray) -> None:
-        """Show it where the points ``x`` (points, 3) [m] are."""
+        """Show it where the points ``x`` (points, 3) [m] are; where it was, if they are no numbers any more."""
+        if not np.abs(x[self.shape.begin : self.shape.end]).max(initial=0.0) < FAR * self._size:
+            return
         if self.rigid:
             assert self.shape.local is not None
             own = x[self.shape.begin : self.shape.end]
@@ -64,14 +68,13 @@ class Body:
             self.node.vertices = vertices
 
 
-def drawn_bodies(scene: Any, shapes: Sequence[Shape], x: np.ndarray, size: float) -> list[Body]:
-    """Nodes for all shapes that are drawn."""
+def drawn_bodies(
+    scene: Any, shapes: Sequence[Shape], x: np.ndarray, size: float, without: Collection[int] = ()
+) -> list[Body]:
+    """Nodes for all shapes that are drawn, but for those of the numbers ``without``."""
     out = []
     for number, shape in enumerate(shapes):
         something = len(shape.triangles) or len(shape.lines) or shape.skin is not None
-        if shape.drawn and something:
+        if shape.drawn and something and number not in without:
             out.append(Body(scene, number, shape, x, size))
     return out
-
-
-Listener = Callable[[Any], Any]

@@ -17,6 +17,7 @@ class History:
     def clear(self) -> None:
         """Forget everything."""
         self._rows: list[dict[str, float]] = []
+        self.added = 0  # steps ever
 
     def add(self, report: StepReport) -> None:
         """A step."""
@@ -28,6 +29,7 @@ class History:
         row["total"] = sum(value for name, value in energies.items() if name in ("kinetic", "elastic", "gravity"))
         row |= {f"ms {stage}": 1e3 * seconds for stage, seconds in report.seconds.items()}
         self._rows.append(row)
+        self.added += 1
         if len(self._rows) >= 2 * LENGTH:
             del self._rows[:-LENGTH]
 

@@ -2,11 +2,16 @@
 
 import threading
 import time
+from pathlib import Path
 from typing import Any
 
 from turnbuckle.live.frame import Frame
 from turnbuckle.live.panel_constraints import ConstraintPanel
+from turnbuckle.live.panel_export import ExportPanel
+from turnbuckle.live.panel_physics import PhysicsPanel
 from turnbuckle.live.panel_play import PlayPanel
+from turnbuckle.live.panel_plots import PlotPanel
+from turnbuckle.live.panel_pose import PosePanel
 from turnbuckle.live.panel_run import RunPanel
 from turnbuckle.live.player import Player
 from turnbuckle.live.server import Served
@@ -22,15 +27,16 @@ BRAND = (46, 92, 138)
 class Page:
     """Shows ``source`` on a server that runs. `close` stops feeding it."""
 
-    def __init__(self, served: Served, source: Session | Player, title: str) -> None:
-        self.served, self.source = served, source
+    def __init__(self, served: Served, source: Session | Player, title: str, folder: Path) -> None:
+        """``folder``: where scenes are saved."""
+        self.served, self.source, self._folder = served, source, folder
         server = served.viser
         server.gui.configure_theme(
             control_layout="floating", control_width="large", show_logo=False, show_share_button=False,
             brand_color=BRAND,
         )  # fmt: skip
         server.gui.set_panel_label(title)
-        server.scene.configure_default_lights(enabled=True, cast_shadow=True)
+        server.gui.main_panel.dock_right()
         frame = source.frame
         self.stage = Stage(server, source.shapes, frame.x, source.up_axis, source.size)
         tabs = server.gui.add_tab_group()
@@ -40,6 +46,8 @@ class Page:
         else:
             with tabs.add_tab("Play", icon="player-play"):
                 self.panels["play"] = PlayPanel(server.gui, source)
+        with tabs.add_tab("Export", icon="download"):
+            self.panels["export"] = ExportPanel(server.gui, source, title)
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._feed, name="turnbuckle page", daemon=True)
         self._thread.start()
@@ -49,7 +57,13 @@ class Page:
             self.panels["run"] = RunPanel(server.gui, session, self.stage)
         with tabs.add_tab("Constraints", icon="link"):
             self.panels["constraints"] = ConstraintPanel(server.gui, session)
-        self.holding = TakingHold(session, self.stage, self.panels["run"])
+        with tabs.add_tab("Physics", icon="adjustments"):
+            self.panels["physics"] = PhysicsPanel(server.gui, session)
+        with tabs.add_tab("Plots", icon="chart-line"):
+            self.panels["plots"] = PlotPanel(server.gui, session)
+        with tabs.add_tab("Pose", icon="hand-grab"):
+            self.panels["pose"] = PosePanel(server.gui, session, self._folder)
+        self.holding = TakingHold(session, self.stage, self.panels["run"], self.panels["pose"])
 
     def close(self) -> None:
         """Stop; the server goes on."""

@@ -35,6 +35,10 @@ class RunPanel:
         self.unpin = gui.add_button("Unpin all", icon="pin-filled", color="gray", visible=False)
         self.marks = gui.add_checkbox("Show constraints", True)
         self.contacts = gui.add_checkbox("Show contact forces", True, visible=session.contact)
+        self.glass = gui.add_checkbox("See through", False, hint="Bodies as glass: joints and pins inside are seen")
+        self.fine = gui.add_checkbox(
+            "Fine light", False, hint="Shadows and light from all around: needs a graphics card"
+        )
         gui.add_markdown(HELP)
         self._label = "Run"
         self._text = ""
@@ -45,6 +49,8 @@ class RunPanel:
         self.speed.on_update(self._set_speed)
         self.marks.on_update(lambda _: self._show())
         self.contacts.on_update(lambda _: self._show())
+        self.glass.on_update(lambda _: stage.see_through(self.glass.value))
+        self.fine.on_update(lambda _: stage.light(self.fine.value))
 
     @property
     def exact(self) -> bool:

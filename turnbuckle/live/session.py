@@ -43,7 +43,6 @@ class Session:
     def __init__(self, scene: Scene, device: str = "cpu") -> None:
         """Build ``scene``. Raises `InputError`."""
         self.scene, self.device = scene, device
-        self._first = scene
         self._commands = Commands()
         self._thread: threading.Thread | None = None
         self._ended = threading.Event()
@@ -74,6 +73,11 @@ class Session:
     def size(self) -> float:
         """Of the scene [m]."""
         return self._simulation.model.size
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What there was to say, newest last."""
+        return self._notes
 
     def next_frame(self, after: int, timeout: float) -> Frame:
         """The newest frame, once its number is greater than ``after`` or the time [s] is over."""
@@ -166,8 +170,12 @@ class Session:
         return self.do(lambda _: self._hand.unpin_all())
 
     def renew(self, make: Callable[[Scene, Simulation], Scene], keep: bool = False) -> "Future[None]":
-        """Go on with another scene of the same bodies; ``keep``: from this moment, else from its start."""
+        """Go on with another scene of the same bodies; ``keep``: from this moment, else from its start, paused."""
         return self.do(lambda simulation: self._renew(make(self.scene, simulation), keep=keep))
+
+    def become(self, scene: Scene) -> None:
+        """For actions given to `do`: be at the start of another scene of the same bodies, paused."""
+        self._renew(scene, keep=False)
 
     def record(self, on: bool) -> "Future[list[Recorded]]":
         """Begin to keep frames at the scene's rate, or end; the frames kept."""

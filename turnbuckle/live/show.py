@@ -4,6 +4,7 @@ import os
 import sys
 import time
 import webbrowser
+from pathlib import Path
 from typing import Any
 
 from turnbuckle.data.errors import InputError
@@ -20,7 +21,7 @@ class View:
 
     def __init__(self, served: Served, source: Session | Player, title: str) -> None:
         self.served, self.source = served, source
-        self.page = Page(served, source, title)
+        self.page = Page(served, source, title, Path.cwd())
 
     @property
     def url(self) -> str:

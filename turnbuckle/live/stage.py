@@ -1,6 +1,7 @@
 """The stage of the page: camera, light, ground, bodies, and the marks of constraints, contacts and the hand."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,8 +15,44 @@ from turnbuckle.viewer.geometry import SceneGeometry
 
 DOT = 0.007  # of the scene's size: mark of a constraint
 ARROW = 0.12  # of the scene's size: the longest arrow
+GLASS = 0.35  # opacity
 FEW = 4000  # arrows and marks shown at most
+GROUND = (216, 220, 227)
+LINE = 0.005  # of a cell: half the width of a line on the ground
 ROOM = 0.04  # of the scene's size, around it
+
+
+class Mark:
+    """A node of points or lines that is made when there is first something to show, and sent when it changes."""
+
+    def __init__(self, add: Callable[..., Any], color: np.ndarray | None = None) -> None:
+        self._add, self._color = add, color
+        self._node: Any = None
+        self._points: np.ndarray | None = None
+        self._colors: np.ndarray | None = None
+
+    def show(self, points: np.ndarray, colors: np.ndarray | None = None) -> None:
+        """Show ``points`` in ``colors`` (n, ..., 3) uint8, or in the one colour of the mark."""
+        there = len(points) > 0
+        if self._node is None:
+            if there:
+                self._points, self._colors = points.astype(np.float32), colors
+                self._node = self._add(points=self._points, colors=self._color if colors is None else colors)
+            return
+        if self._node.visible != there:
+            self._node.visible = there
+        if not there:
+            return
+        points = points.astype(np.float32)
+        if self._points is None or not np.array_equal(points, self._points):
+            same = self._points is not None and points.shape == self._points.shape
+            if colors is not None and not same:  # both in one message each: the old colours are of another length
+                self._node.colors = self._colors = colors
+            self._points = points
+            self._node.points = points
+        if colors is not None and not np.array_equal(colors, self._colors):
+            self._colors = colors
+            self._node.colors = colors
 
 
 class Stage:
@@ -38,86 +75,109 @@ class Stage:
         first.near, first.far = 1e-3 * self.size, 100.0 * self.size + float(np.linalg.norm(self.camera.eye))
         server.scene.set_up_direction("+y" if up_axis == "Y" else "+z")
         self._ground(server, geometry.ground)
-        self.bodies = drawn_bodies(server.scene, self.shapes, x, self.size)
+        self._sky = server.scene.add_light_hemisphere(
+            "/light/sky", sky_color=(255, 255, 255), ground_color=(140, 140, 152), intensity=2.2
+        )
+        away = self.camera.eye - self.camera.target
+        away = away / np.linalg.norm(away)
+        lamp = 0.6 * away + 0.8 * self.camera.up - 0.45 * np.cross(self.camera.up, away)
+        self._lamp = server.scene.add_light_directional(
+            "/light/lamp", intensity=2.0, position=tuple(10.0 * self.size * lamp), cast_shadow=False
+        )
+        self.light(fine=False)
+        floors = _floors(self.shapes, x, geometry.ground, int(np.argmax(self.camera.up)), self.size)
+        self.bodies = drawn_bodies(server.scene, self.shapes, x, self.size, floors)
         dot = DOT * self.size
-        nothing = np.zeros((0, 3), np.float32)
-        self._dots = server.scene.add_point_cloud(
-            "/marks/constraints", nothing, np.zeros((0, 3), np.uint8), point_size=dot, point_shape="circle",
-            precision="float32",
-        )  # fmt: skip
-        self._axes = server.scene.add_line_segments(
-            "/marks/axes", np.zeros((0, 2, 3), np.float32), np.zeros((0, 2, 3), np.uint8), thickness=0.35 * dot
-        )
-        self._pins = server.scene.add_point_cloud(
-            "/marks/pins", nothing, np.array(PULL, np.uint8), point_size=1.7 * dot, point_shape="diamond",
-            precision="float32",
-        )  # fmt: skip
+        scene = server.scene
         slim = {"shaft_radius": 0.16 * dot, "head_radius": 0.45 * dot, "head_length": 0.9 * dot}
-        self._contacts = server.scene.add_arrows(
-            "/marks/contacts", np.zeros((0, 2, 3)), np.array(PUSH, np.uint8), **slim
-        )
-        self._pull = server.scene.add_arrows("/marks/hand", np.zeros((0, 2, 3)), np.array(PULL, np.uint8), **slim)
+        cloud = {"point_shape": "circle", "precision": "float32"}
+        push, pull = np.array(PUSH, np.uint8), np.array(PULL, np.uint8)
+        self._dots = Mark(partial(scene.add_point_cloud, "/marks/constraints", point_size=dot, **cloud))
+        self._axes = Mark(partial(scene.add_line_segments, "/marks/axes", thickness=0.35 * dot))
+        self._pins = Mark(partial(scene.add_point_cloud, "/marks/pins", point_size=1.7 * dot, **cloud), pull)
+        self._contacts = Mark(partial(scene.add_arrows, "/marks/contacts", **slim), push)
+        self._pull = Mark(partial(scene.add_arrows, "/marks/hand", **slim), pull)
         self._strongest = 0.0  # [N] of contacts, slowly forgotten, so that arrows do not jump in length
-        self._shown: dict[str, Any] = {}
         self.show_marks = self.show_contacts = True
 
     def _ground(self, server: Any, ground: float | None) -> None:
+        """Lines on the ground. viser's own grid and light from all around take a second a frame without a graphics card."""
         axis = int(np.argmax(self.camera.up))
         extent = max(float(np.ptp(np.stack([self.low, self.high]), axis=0).max()), 1e-6)
-        place = 0.5 * (self.low + self.high)
-        place[axis] = (self.low[axis] if ground is None else ground) - 1e-3 * extent
-        cell = 10.0 ** np.floor(np.log10(extent / 2.0))
-        server.scene.add_grid(
-            "/ground", width=8 * extent, height=8 * extent, plane="xz" if self.up_axis == "Y" else "xy",
-            cell_size=cell, section_size=10 * cell, cell_color=(222, 226, 232), section_color=(200, 206, 214),
-            cell_thickness=0.6, section_thickness=0.9, fade_distance=6 * extent, position=tuple(place),
-            infinite_grid=False, shadow_opacity=0.18,
+        height = (self.low[axis] if ground is None else ground) - 1e-3 * extent
+        cell = 10.0 ** np.floor(np.log10(extent / 1.5))
+        middle = np.round(0.5 * (self.low + self.high) / cell) * cell
+        half = np.ceil(1.6 * extent / cell) * cell
+        across = [k for k in range(3) if k != axis]
+        at = np.arange(-half, half + 0.5 * cell, cell)
+        strips = []  # flat quads: wide lines cost a browser without a graphics card several times as much
+        for along in (0, 1):
+            for place in at:
+                wide = LINE * cell * (2.5 if round(place / cell) % 5 == 0 else 1.0)
+                quad = np.full((4, 3), height)
+                quad[:, across[along]] = middle[across[along]] + place + wide * np.array([-1, 1, 1, -1])
+                quad[:, across[1 - along]] = middle[across[1 - along]] + half * np.array([-1, -1, 1, 1])
+                strips.append(quad)
+        faces = np.array([[0, 1, 2], [0, 2, 3]])[None] + 4 * np.arange(len(strips))[:, None, None]
+        server.scene.add_mesh_simple(
+            "/ground/lines", np.concatenate(strips), faces.reshape(-1, 3), color=GROUND, side="double",
+            cast_shadow=False, receive_shadow=False,
         )  # fmt: skip
+        corner = np.array([[-half, -half], [half, -half], [half, half], [-half, half]])
+        plane = np.zeros((4, 3))
+        plane[:, across], plane[:, axis] = corner + middle[across], height
+        self._shade = server.scene.add_mesh_simple(
+            "/ground/shade", plane, np.array([[0, 1, 2], [0, 2, 3]]), color=(255, 255, 255), opacity=0.0,
+            side="double", cast_shadow=False, receive_shadow=0.2, visible=False,
+        )  # fmt: skip
+
+    def light(self, fine: bool) -> None:
+        """Light from a lamp and the sky; or ``fine``, with shadows and light from all around."""
+        scene = self._scene
+        self._shade.visible = fine
+        self._sky.visible = self._lamp.visible = not fine
+        scene.configure_environment_map("warehouse" if fine else None, environment_intensity=0.6)
+        scene.configure_default_lights(enabled=fine, cast_shadow=fine)
+
+    def see_through(self, on: bool) -> None:
+        """Bodies as glass, so that joints inside are seen."""
+        for body in self.bodies:
+            body.node.opacity = GLASS if on else None
 
     def show(self, frame: Frame) -> None:
         """Draw a frame. Call it within one atomic block."""
         for body in self.bodies:
             body.update(frame.x)
-        self._show_marks(frame)
-        self._show_arrows(frame.contacts)
-        pins = frame.pins.astype(np.float32)
-        self._set("pins", self._pins, "points", pins)
-        pull = np.zeros((0, 2, 3))
-        if frame.pull is not None:
-            pull = np.stack([frame.pull.place, frame.pull.target])[None]
-        self._set("pull", self._pull, "points", pull.astype(np.float32))
+        self._show_constraints(frame)
+        self._show_contacts(frame.contacts)
+        self._pins.show(frame.pins)
+        pull = frame.pull
+        self._pull.show(np.zeros((0, 2, 3)) if pull is None else np.stack([pull.place, pull.target])[None])
 
-    def _show_marks(self, frame: Frame) -> None:
+    def _show_constraints(self, frame: Frame) -> None:
         marks = frame.marks
         if not self.show_marks or len(marks.points) > FEW or not frame.readings:
-            points, colors = np.zeros((0, 3)), np.zeros((0, 3), np.uint8)
-            axes, axis_colors = np.zeros((0, 2, 3)), np.zeros((0, 2, 3), np.uint8)
-        else:
-            color = residual_colors(frame.readings, self.size)
-            points, colors = marks.points, color[marks.of]
-            axes, axis_colors = marks.axes, np.repeat(color[marks.axis_of][:, None], 2, axis=1)
-        self._set_pair("dots", self._dots, points.astype(np.float32), colors)
-        self._set_pair("axes", self._axes, axes.astype(np.float32), axis_colors)
+            self._dots.show(np.zeros((0, 3)))
+            self._axes.show(np.zeros((0, 2, 3)))
+            return
+        color = residual_colors(frame.readings, self.size)
+        self._dots.show(marks.points, color[marks.of])
+        self._axes.show(marks.axes, np.repeat(color[marks.axis_of][:, None], 2, axis=1))
 
-    def _show_arrows(self, contacts: Arrows) -> None:
+    def _show_contacts(self, contacts: Arrows) -> None:
         points = np.zeros((0, 2, 3))
         if self.show_contacts and len(contacts.force):
             strength = np.linalg.norm(contacts.force, axis=1)
             self._strongest = max(0.97 * self._strongest, float(strength.max()), 1e-300)
-            largest = np.argsort(-strength)[:FEW]
+            largest = np.sort(np.argsort(-strength)[:FEW])
             ends = contacts.at + ARROW * self.size / self._strongest * contacts.force
-            points = np.stack([contacts.at, ends], axis=1)[np.sort(largest)]
-        self._set("contacts", self._contacts, "points", points.astype(np.float32))
+            points = np.stack([contacts.at, ends], axis=1)[largest]
+        self._contacts.show(points)
 
-    def _set(self, key: str, node: Any, field: str, value: np.ndarray) -> None:
-        """Send an array if it has changed."""
-        old = self._shown.get(key)
-        if old is None and not len(value):
-            return
-        if old is None or old.shape != value.shape or not np.array_equal(old, value):
-            self._shown[key] = value
-            setattr(node, field, value)
 
-    def _set_pair(self, key: str, node: Any, points: np.ndarray, colors: np.ndarray) -> None:
-        self._set(f"{key} colors", node, "colors", colors)
-        self._set(key, node, "points", points)
+def _floors(shapes: Sequence[Shape], x: np.ndarray, ground: float | None, up: int, size: float) -> set[int]:
+    """Shapes that are the ground itself: wide, still, without a colour, at its height. Its lines stand for them."""
+    if ground is None:
+        return set()
+    own = {i: x[s.begin : s.end] for i, s in enumerate(shapes) if s.still and s.color is None and len(s.triangles)}
+    return {i for i, v in own.items() if len(v) and abs(v[:, up].max() - ground) < 1e-9 * max(size, 1.0)}

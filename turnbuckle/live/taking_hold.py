@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from turnbuckle.live.drawing import Body
+from turnbuckle.live.panel_pose import PosePanel
 from turnbuckle.live.panel_run import RunPanel
 from turnbuckle.live.picking import nearest, pick_ray
 from turnbuckle.live.session import Session
@@ -15,8 +16,8 @@ from turnbuckle.live.stage import Stage
 class TakingHold:
     """Listens on the bodies of a stage. Callbacks are coroutines: viser keeps their order."""
 
-    def __init__(self, session: Session, stage: Stage, panel: RunPanel) -> None:
-        self._session, self._panel = session, panel
+    def __init__(self, session: Session, stage: Stage, panel: RunPanel, posing: PosePanel) -> None:
+        self._session, self._panel, self._posing = session, panel, posing
         self.last: Future[Any] | None = None  # the newest command, for tests
         for body in stage.bodies:
             if not body.shape.still:
@@ -38,16 +39,17 @@ class TakingHold:
 
     def _drag(self, body: Body, event: Any, exact: bool) -> None:
         session = self._session
+        hand: Any = self._posing.poser if self._posing.posing.value else session
         if event.phase == "start":
-            place = np.array(event.start_position)
-            self.last = session.grab(nearest(session.shapes, body.number, session.frame.x, place), exact)
+            pick = nearest(session.shapes, body.number, session.frame.x, np.array(event.start_position))
+            self.last = hand.grab(pick) if hand is not session else session.grab(pick, exact)
         if event.phase == "end":
-            self.last = session.let_go()
+            self.last = hand.let_go()
         else:
-            session.drag(np.array(event.end_position))
+            hand.drag(np.array(event.end_position))
 
     def _click(self, body: Body, event: Any) -> None:
-        if not self._panel.pins.value:
+        if not self._panel.pins.value or self._posing.posing.value:
             return
         session = self._session
         origin, direction = np.array(event.ray_origin), np.array(event.ray_direction)
