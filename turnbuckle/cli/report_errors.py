@@ -8,11 +8,12 @@ from typing import Any, TypeVar
 
 import typer
 
-from turnbuckle.data.errors import InputError, TurnbuckleError
+from turnbuckle.data.errors import InputError, StepError, TurnbuckleError
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 FAILED, WRONG_INPUT, STOPPED = 1, 2, 130
+LONGEST = 4000  # characters of a message
 
 
 def report_errors(verb: F) -> F:
@@ -28,6 +29,12 @@ def report_errors(verb: F) -> F:
         except TurnbuckleError as error:
             _say(error, "failed")
             raise typer.Exit(FAILED) from None
+        except MemoryError as error:
+            _say(
+                InputError(f"asks for more memory than there is ({error or 'no more is known'}); make it smaller"),
+                "wrong input",
+            )
+            raise typer.Exit(WRONG_INPUT) from None
         except KeyboardInterrupt:
             typer.echo("stopped; what was written so far is whole", err=True)
             raise typer.Exit(STOPPED) from None
@@ -35,9 +42,16 @@ def report_errors(verb: F) -> F:
             # The reader of our output has gone (`turnbuckle schema | head`): not an error of ours.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             raise typer.Exit(0) from None
+        except OSError as error:  # a disk that is full, a folder that refuses: told by its name
+            place = f"{error.filename}: " if error.filename else ""
+            _say(StepError(f"{place}cannot be read or written ({error.strerror or error})"), "failed")
+            raise typer.Exit(FAILED) from None
 
     return wrapped  # type: ignore[return-value]
 
 
 def _say(error: Exception, kind: str) -> None:
+    text = str(error)
+    if len(text) > LONGEST:  # a name of thousands of letters, quoted
+        error = TurnbuckleError(f"{text[: LONGEST // 2]} ... {text[-LONGEST // 2 :]}")
     typer.echo(f"turnbuckle: {kind}: {error}" if "\n" not in str(error) else f"turnbuckle: {kind}:\n{error}", err=True)

@@ -34,7 +34,12 @@ def load_scene(text: str, assignments: Sequence[str] = ()) -> Scene:
 
 def _is_path(text: str) -> bool:
     path = Path(text)
-    return path.suffix.lower() in (".yaml", ".yml", ".json", ".gascuel") or len(path.parts) > 1 or path.exists()
+    if path.suffix.lower() in (".yaml", ".yml", ".json", ".gascuel") or len(path.parts) > 1:
+        return True
+    try:
+        return path.exists()
+    except (OSError, ValueError):  # no name that a file could have
+        return False
 
 
 def _ready_scene(name: str, make: Callable[..., Scene], assignments: Sequence[str]) -> tuple[Scene, list[str]]:

@@ -8,7 +8,9 @@ removes the .part. `read_npz` reads either, so a killed run loses nothing that w
 import io
 import os
 import struct
+import tokenize
 import zipfile
+import zlib
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -22,6 +24,11 @@ from turnbuckle.io.topology import pack, unpack
 
 _MAGIC = b"TURNBUCKLEPART01"
 _LENGTH = struct.Struct("<Q")
+# What NumPy, zipfile and JSON raise for a file whose bytes were lost or changed.
+BROKEN_FILE = (
+    OSError, ValueError, KeyError, EOFError, TypeError, IndexError, AttributeError, NotImplementedError, RuntimeError,
+    OverflowError, MemoryError, SyntaxError, tokenize.TokenError, struct.error, zlib.error, zipfile.BadZipFile,
+)  # fmt: skip
 
 
 class NpzRecorder(Recorder):
@@ -99,7 +106,7 @@ def read_npz(path: str | Path) -> tuple[list[Shape], dict[str, Any], np.ndarray,
             return shapes, info, file["time"], x, v
     except FileNotFoundError:
         raise InputError(f"recording {path}: there is no such file") from None
-    except (OSError, ValueError, KeyError, EOFError, TypeError, struct.error, zipfile.BadZipFile) as error:
+    except BROKEN_FILE as error:
         raise InputError(f"recording {path}: is no recording of Turnbuckle, or not whole ({reason(error)})") from None
 
 

@@ -20,6 +20,7 @@ import numpy as np
 
 from turnbuckle.data.errors import InputError
 from turnbuckle.data.shape import Shape
+from turnbuckle.io.npz import BROKEN_FILE
 from turnbuckle.io.recorder import Recorder, check_frame, reason
 from turnbuckle.io.topology import pack, unpack
 
@@ -200,11 +201,16 @@ def read_vtkhdf(
             shapes, info = unpack(arrays, state.attrs["info"])
             frames = int(file["VTKHDF/Steps"].attrs["NSteps"]) if "VTKHDF" in file else 0
             times = state["time"][:frames] if frames else np.zeros(0)
-    except (OSError, KeyError, ValueError, TypeError, RuntimeError) as error:
+    except BROKEN_FILE as error:
         raise InputError(f"recording {path}: is no recording of Turnbuckle, or not whole ({reason(error)})") from None
     return shapes, info, times, functools.partial(_fetch, path, frames)
 
 
 def _fetch(path: Path, frames: int, name: str, frame: int) -> np.ndarray:
-    with h5py.File(path, "r") as file:
-        return file["state"][name][range(frames)[frame]]
+    try:
+        with h5py.File(path, "r") as file:
+            return file["state"][name][range(frames)[frame]]
+    except IndexError:
+        raise
+    except BROKEN_FILE as error:
+        raise InputError(f"recording {path}: frame {frame} cannot be read ({reason(error)})") from None
