@@ -17,7 +17,7 @@ from turnbuckle.data.rigid import DYNAMIC
 from turnbuckle.live.picking import Pick
 from turnbuckle.step.simulation import Simulation
 
-NAIL, PIN = "hand", "pin"
+NAIL, PIN = "hand_nail", "hand_pin"
 SPRING = 25.0  # [rad/s] of the nail's spring
 PULL = 12.0  # [rad/s] of the spring at a rigid body, of all that hangs on it
 RESOLVED = 0.3  # [rad] a step: the fastest spring that a step resolves
@@ -197,7 +197,7 @@ class Hand:
                 simulation.remove_constraint(name)
                 return f"unpinned '{name}'"
         shape = _owner(model.shapes, pick.point)
-        name = next(f"{PIN} {i}" for i in range(1, 10**6) if not self._taken(f"{PIN} {i}"))
+        name = next(f"{PIN}_{i}" for i in range(1, 10**6) if not self._taken(f"{PIN}_{i}"))
         if any(s.begin <= pick.point < s.end for s in model.scripted):
             raise InputError(f"'{shape.name}' goes where its script says and cannot be pinned")
         if body >= 0:
@@ -251,7 +251,7 @@ class Hand:
 
 
 def _is_pin(name: str) -> bool:
-    return name.startswith(f"{PIN} ") and name[len(PIN) + 1 :].isdigit()
+    return name.startswith(f"{PIN}_") and name[len(PIN) + 1 :].isdigit()
 
 
 def _owner(shapes, point: int):

@@ -49,7 +49,7 @@ def ray_hit(origin: np.ndarray, direction: np.ndarray, a: np.ndarray, b: np.ndar
         q = np.cross(t, e1)
         v = q @ direction / det
         s = np.einsum("ij,ij->i", e2, q) / det
-    return np.where((u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (s > 0.0), s, np.inf)
+        return np.where((u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (s > 0.0), s, np.inf)
 
 
 def pick_ray(shapes: Sequence[Shape], x: np.ndarray, origin: np.ndarray, direction: np.ndarray) -> Pick | None:

@@ -1,5 +1,7 @@
 """What constraints, joints and contacts tell at the committed state, for lists and marks."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from turnbuckle.data import rigid
@@ -16,8 +18,14 @@ WITH_AXES = (rigid.SEGMENT, rigid.MOTOR_AXIAL, rigid.MOTOR_TWIST, rigid.TWIST, r
 AXIS = 0.04  # of the scene's size: how long the axis of a joint is drawn
 
 
-def read_constraints(simulation: Simulation, with_joint_forces: bool = True) -> tuple[Reading, ...]:
-    """One reading a group and joint, in the order of the state."""
+def read_constraints(
+    simulation: Simulation, before: tuple[Reading, ...] = (), changed: bool = False
+) -> tuple[Reading, ...]:
+    """One reading a group and joint, in the order of the state.
+
+    ``changed``: constraints were added or removed since the last step, so the arrays that joints are measured with do not
+    fit until the next one; those of ``before`` are told again.
+    """
     state = simulation.state
     out = []
     for name, group in state.groups.items():
@@ -41,28 +49,34 @@ def read_constraints(simulation: Simulation, with_joint_forces: bool = True) -> 
             )
         )  # fmt: skip
     if state.joints:
-        out += _read_joints(simulation, with_joint_forces)
+        if changed:
+            known = {r.name: r for r in before}
+            for name, joint in state.joints.items():
+                new = Reading(name, joint.kind, joint.enabled, False, int(joint.broken), 1, 0.0, 0.0)
+                out.append(replace(known.get(name, new), on=joint.enabled))
+        else:
+            out += _read_joints(simulation)
     return tuple(out)
 
 
-def _read_joints(simulation: Simulation, with_forces: bool) -> list[Reading]:
+def _read_joints(simulation: Simulation) -> list[Reading]:
     state = simulation.state
     gap, angle = simulation.stepper.articulated.residuals()[:2]
-    force = turn = None
-    if with_forces and state.steps > 0:
+    force, turn = np.zeros((state.parts.count, 3)), np.zeros((state.parts.count, 3))
+    if state.steps > 0:
         try:
             force, turn = reactions(simulation.model, state, simulation.stepper.articulated)
-        except (TurnbuckleError, np.linalg.LinAlgError, ValueError):
-            pass  # joints that have just been added: their forces belong to the next step
+        except (TurnbuckleError, np.linalg.LinAlgError):
+            pass  # a state without reactions, such as one that flies apart
     out = []
     for name, joint in state.joints.items():
         p = joint.parts
-        known = force is not None and len(p) > 0 and int(p.max()) < len(force)
-        f = float(np.linalg.norm(force[p].sum(axis=0))) if known and joint.acting else 0.0
-        t = float(np.linalg.norm(turn[p].sum(axis=0))) if known and joint.acting else 0.0
-        measured = len(p) > 0 and int(p.max()) < len(gap) and joint.acting
-        residual = max(float(gap[p].max()), float(angle[p].max())) if measured else 0.0
-        out.append(Reading(name, joint.kind, joint.enabled, joint.acting, int(joint.broken), 1, residual, f, t))
+        read = Reading(name, joint.kind, joint.enabled, joint.acting, int(joint.broken), 1, 0.0, 0.0)
+        if joint.acting and len(p):
+            residual = max(float(gap[p].max()), float(angle[p].max()))
+            f, t = (float(np.linalg.norm(values[p].sum(axis=0))) for values in (force, turn))
+            read = replace(read, residual=residual, force=f, torque=t)
+        out.append(read)
     return out
 
 

@@ -221,6 +221,7 @@ class Session:
     def _begin(self) -> None:
         """A new simulation: nothing is held, nothing read."""
         self._hand = Hand(self._simulation)
+        self._layout = -1  # of the state after the last step
         self._report: StepReport | None = None
         self._readings: tuple[Reading, ...] = ()
         self._marks: Marks = no_marks()
@@ -266,7 +267,7 @@ class Session:
         self._ms += (
             0.1 * (1e3 * (time.perf_counter() - began) - self._ms) if self._ms else 1e3 * (time.perf_counter() - began)
         )
-        self._report = report
+        self._report, self._layout = report, simulation.state.layout
         if report.status == "failed":
             self.running = False
             self._hand.let_go()
@@ -327,7 +328,8 @@ class Session:
         simulation, state, report = self._simulation, self._simulation.state, self._report
         now = time.perf_counter()
         if now - self._read_at >= self._rest or not self.running:
-            self._readings = read_constraints(simulation)
+            changed = state.layout != self._layout
+            self._readings = read_constraints(simulation, self._readings, changed)
             self._rest = max(READ, (time.perf_counter() - now) / READ_PART)
             self._read_at = now
         self._marks = read_marks(simulation, self._readings)

@@ -1,0 +1,271 @@
+"""The page in a real browser: mouse and keyboard on one side, the state of the simulation on the other."""
+
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import turnbuckle
+from turnbuckle.io import read_recording
+
+pytest.importorskip("viser")
+sync_api = pytest.importorskip("playwright.sync_api")
+CHROMIUM = next((p for p in ("/usr/bin/chromium", "/usr/bin/chromium-browser") if Path(p).exists()), None)
+ARGUMENTS = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")]
+WIDE, HIGH = 1000, 640
+PATIENCE = 60.0  # [s] a software renderer on a busy machine takes its time
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def open_page(browser: Any) -> Iterator[Callable[[Any], tuple[Any, Any]]]:
+    """Opens a scene or recording: the view, and the page of the browser."""
+    from turnbuckle.live import view
+
+    opened: list[Any] = []
+
+    def open_one(what: Any, **more: Any) -> tuple[Any, Any]:
+        shown = view(what, open_browser=False, **more)
+        opened.append(shown)
+        page = browser.new_page(viewport={"width": WIDE, "height": HIGH})
+        opened.append(page)
+        page.goto(shown.url)
+        page.get_by_role("tab", name="Export").wait_for(timeout=1e3 * PATIENCE)
+        until(lambda: shown.served.viser.get_clients(), "a client")
+        client = next(iter(shown.served.viser.get_clients().values()))
+        until(lambda: client.camera.image_width > 0, "the camera")
+        client.get_render(60, 80, timeout=PATIENCE)  # bodies are on the screen
+        return shown, page
+
+    yield open_one
+    for one in reversed(opened):
+        one.close()
+
+
+def until(holds: Callable[[], Any], what: str, seconds: float = PATIENCE) -> Any:
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        found = holds()
+        if found:
+            return found
+        time.sleep(0.05)
+    raise AssertionError(f"waited {seconds:g} s for {what}")
+
+
+def pixel(shown: Any, page: Any, place: np.ndarray) -> tuple[float, float]:
+    """Where a place [m] is in the window."""
+    client = next(iter(shown.served.viser.get_clients().values()))
+    camera = client.camera
+    forward = np.array(camera.look_at) - camera.position
+    forward /= np.linalg.norm(forward)
+    right = np.cross(forward, camera.up_direction)
+    right /= np.linalg.norm(right)
+    offset = np.asarray(place) - camera.position
+    scale = camera.image_height / (2.0 * np.tan(0.5 * camera.fov)) / (offset @ forward)
+    box = page.locator("canvas").first.bounding_box()
+    x = 0.5 * camera.image_width + scale * (offset @ right)
+    y = 0.5 * camera.image_height - scale * (offset @ np.cross(right, forward))
+    return box["x"] + x * box["width"] / camera.image_width, box["y"] + y * box["height"] / camera.image_height
+
+
+def cloth() -> turnbuckle.Scene:
+    scene = turnbuckle.Scene("flag", dt=1e-3, integrator="velocity_verlet")
+    scene.add_cloth(
+        "cloth", size=[1, 1], cells=[8, 8], position=[0, 0, 1], rotation=[np.pi / 2, 0, 0], density=0.3,
+        structural_stiffness=60.0, shear_stiffness=30.0, damping=0.02,
+    )  # fmt: skip
+    scene.add_constraint("nail", "top", points={"body": "cloth", "where": "z > 1.99"})
+    return scene
+
+
+def in_simulation(shown: Any, action: Callable[[turnbuckle.Simulation], Any]) -> Any:
+    return shown.source.do(action).result(timeout=PATIENCE)
+
+
+def test_a_vertex_that_is_dragged_goes_where_the_mouse_goes(open_page: Any) -> None:
+    shown, page = open_page(cloth(), run=True)
+    session = shown.source
+    until(lambda: session.frame.steps > 0, "the first step")
+    point = int(np.argmin(np.linalg.norm(session.frame.x - [0.5, 0.0, 1.25], axis=1)))
+    start = session.frame.x[point].copy()
+    x, y = pixel(shown, page, start)
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 20, y - 10)
+    page.mouse.move(x + 60, y - 40)
+    held = until(lambda: session.frame.pull, "the hand to hold")
+    assert np.linalg.norm(held.place - start) < 0.3
+    assert in_simulation(shown, lambda s: "hand_nail" in s.state.groups)
+    goal = until(lambda: _aimed(session), "the hand to follow")
+    until(lambda: session.frame.pull and np.linalg.norm(session.frame.pull.place - goal) < 1e-3, "the vertex to arrive")
+    taken = in_simulation(shown, lambda s: int(s.state.groups["hand_nail"].points[0]))
+    at = in_simulation(shown, lambda s: s.positions()[taken].copy())
+    assert np.linalg.norm(at - goal) < 1e-3
+    assert np.hypot(*(np.array(pixel(shown, page, at)) - (x + 60, y - 40))) < 12.0, "it is where the mouse is"
+    page.mouse.up()
+    until(lambda: session.frame.pull is None, "the hand to let go")
+    assert not in_simulation(shown, lambda s: "hand_nail" in s.state.groups)
+    steps = session.frame.steps
+    until(lambda: session.frame.steps > steps + 100, "more steps")
+    assert np.linalg.norm(in_simulation(shown, lambda s: s.positions()[taken].copy()) - goal) > 5e-3
+
+
+def _aimed(session: Any) -> Any:
+    """The target of the hand, once it no longer changes."""
+    pull = session.frame.pull
+    if pull is None:
+        return None
+    time.sleep(0.5)
+    again = session.frame.pull
+    return pull.target if again is not None and np.array_equal(pull.target, again.target) else None
+
+
+def test_a_switch_on_the_page_switches_the_constraint(open_page: Any) -> None:
+    shown, page = open_page(cloth(), run=True)
+    session = shown.source
+    until(lambda: session.frame.readings, "readings")
+    page.get_by_role("tab", name="Constraints").click()
+    page.get_by_text("nail x 9").wait_for(timeout=1e3 * PATIENCE)
+    switch = page.get_by_label("top", exact=True)
+    switch.uncheck(timeout=1e3 * PATIENCE)
+    until(lambda: not in_simulation(shown, lambda s: s.state.groups["top"].enabled), "the constraint to be off")
+    until(lambda: session.frame.x[:, 2].max() < 1.9, "the cloth to fall")
+    switch.check(timeout=1e3 * PATIENCE)
+    until(lambda: in_simulation(shown, lambda s: s.state.groups["top"].acting), "the constraint to act")
+
+
+def test_buttons_run_pause_step_and_reset(open_page: Any) -> None:
+    shown, page = open_page(cloth())
+    session = shown.source
+    page.get_by_role("button", name="Step").click()
+    until(lambda: session.frame.steps == 1, "one step")
+    page.get_by_role("button", name="Run", exact=True).click()
+    until(lambda: session.frame.steps > 10, "steps")
+    page.get_by_role("button", name="Pause").click()
+    until(lambda: not session.frame.running, "the pause")
+    steps = in_simulation(shown, lambda s: s.state.steps)
+    page.get_by_text(f"step {steps}").wait_for(timeout=1e3 * PATIENCE)
+    page.get_by_role("button", name="Reset").click()
+    until(lambda: in_simulation(shown, lambda s: s.state.steps) == 0, "the start")
+
+
+def test_a_click_pins_and_another_unpins(open_page: Any) -> None:
+    shown, page = open_page(cloth(), run=True)
+    session = shown.source
+    until(lambda: session.frame.steps > 0, "the first step")
+    place = session.frame.x[int(np.argmin(np.linalg.norm(session.frame.x - [0.5, 0.0, 1.5], axis=1)))]
+    page.mouse.click(*pixel(shown, page, place))
+    until(lambda: len(session.frame.pins) == 1, "a pin")
+    pinned = in_simulation(shown, lambda s: [g for n, g in s.state.groups.items() if n.startswith("hand_pin")][0])
+    at = session.frame.pins[0]
+    steps = session.frame.steps
+    until(lambda: session.frame.steps > steps + 50, "more steps")
+    assert np.abs(in_simulation(shown, lambda s: s.positions()[pinned.points[0]].copy()) - at).max() < 1e-12
+    page.mouse.click(*pixel(shown, page, at))
+    until(lambda: len(session.frame.pins) == 0, "no pin")
+
+
+def test_a_rigid_body_is_dragged(open_page: Any) -> None:
+    scene = turnbuckle.Scene("pendulum", dt=2e-3)
+    scene.add_rigid("bob", box=[0.15, 0.15, 0.5], position=[0, 0, -0.25])
+    scene.add_joint("ball", "pivot", body1="bob", anchor=[0, 0, 0])
+    shown, page = open_page(scene, run=True)
+    session = shown.source
+    until(lambda: session.frame.steps > 0, "the first step")
+    x, y = pixel(shown, page, np.array([0.0, 0.0, -0.4]))
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 10, y)
+    page.mouse.move(x + 150, y - 30)
+    until(lambda: in_simulation(shown, lambda s: abs(s.pose("bob")[0][0]) > 0.05), "the bob to swing out")
+    assert in_simulation(shown, lambda s: s.joint_residual("pivot"))[0] < 1e-9
+    page.mouse.up()
+    until(lambda: in_simulation(shown, lambda s: not s.state.loads.force.any()), "the hand to let go")
+
+
+def test_physics_is_changed_on_the_page(open_page: Any) -> None:
+    shown, page = open_page(cloth(), run=True)
+    until(lambda: shown.source.frame.steps > 0, "the first step")
+    page.get_by_role("tab", name="Physics").click()
+    page.get_by_label("Integrator").click()
+    page.get_by_role("option", name="rk4").click()
+    until(lambda: in_simulation(shown, lambda s: s.model.integrator) == "rk4", "the other scheme")
+    page.get_by_text("none", exact=True).click()
+    until(lambda: in_simulation(shown, lambda s: not s.state.gravity.any()), "no gravity")
+    step = page.get_by_label("Time step [ms]")
+    step.fill("0.5")
+    step.press("Enter")
+    until(lambda: in_simulation(shown, lambda s: abs(s.dt - 5e-4) < 1e-12), "the other step")
+
+
+def test_a_slider_moves_through_a_recording_and_a_browser_may_close(open_page: Any, tmp_path: Path) -> None:
+    path = tmp_path / "flag.npz"
+    scene = cloth()
+    scene.apply_set("duration=0.5")
+    turnbuckle.run_scene(scene, out=[path])
+    recording = read_recording(path)
+    shown, page = open_page(recording)
+    thumb = page.get_by_role("slider").first
+    thumb.focus()
+    for _ in range(5):
+        thumb.press("ArrowRight")
+    until(lambda: shown.source.frame.steps == 5, "the fifth frame")
+    assert np.array_equal(shown.source.frame.x, recording.x(5))
+    thumb.press("End")
+    until(lambda: shown.source.frame.steps == len(recording) - 1, "the last frame")
+    page.get_by_role("button", name="Play").click()
+    until(lambda: shown.source.running, "it to play")
+    page.close()
+    number = shown.source.frame.number
+    until(lambda: shown.source.frame.number > number + 3, "it to play on without a browser")
+
+
+def test_a_browser_that_closes_in_the_middle_of_a_drag_lets_go(open_page: Any) -> None:
+    shown, page = open_page(cloth(), run=True)
+    session = shown.source
+    until(lambda: session.frame.steps > 0, "the first step")
+    x, y = pixel(shown, page, session.frame.x[40])
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 20, y)
+    page.mouse.move(x + 40, y)
+    until(lambda: session.frame.pull is not None, "the hand to hold")
+    page.close()
+    until(lambda: session.frame.pull is None, "the hand to let go")
+    steps = session.frame.steps
+    until(lambda: session.frame.steps > steps + 50, "it to go on")
+
+
+def test_pictures_films_and_pages_are_downloaded(open_page: Any, tmp_path: Path, browser: Any) -> None:
+    shown, page = open_page(cloth(), run=True)
+    until(lambda: shown.source.frame.steps > 0, "the first step")
+    page.get_by_role("tab", name="Export").click()
+    page.get_by_role("button", name="Record", exact=True).click()
+    until(lambda: len(shown.source.recording or []) > 5, "some frames")
+    page.get_by_role("button", name="Stop recording").click()
+    until(lambda: shown.source.recording is None, "the end")
+    for button, name in (("Picture", "flag.png"), ("Web page", "flag.html")):
+        with page.expect_download(timeout=1e3 * PATIENCE) as download:
+            page.get_by_role("button", name=button).click()
+        assert download.value.suggested_filename == name
+        download.value.save_as(tmp_path / name)
+    alone = browser.new_page()
+    wrong: list[str] = []
+    alone.on("pageerror", lambda error: wrong.append(str(error)))
+    alone.goto((tmp_path / "flag.html").as_uri())
+    alone.locator("canvas").first.wait_for(timeout=1e3 * PATIENCE)
+    time.sleep(2.0)
+    alone.screenshot(path=tmp_path / "alone.png")
+    alone.close()
+    assert not wrong
