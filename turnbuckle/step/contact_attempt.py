@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy.sparse as sp
 
-from turnbuckle.compute import host
 from turnbuckle.contact.manifold import no_contacts
-from turnbuckle.data.contact import ContactProblem, ContactSolution, Contacts
+from turnbuckle.data.contact import ContactProblem, Contacts, ContactSolution
 from turnbuckle.solvers.contact.anticipation import solve_anticipation
 from turnbuckle.solvers.contact.ica import solve_ica
 from turnbuckle.step.contact_closing import Closing, Motion
@@ -52,16 +51,20 @@ class Attempt:
         self.friction = np.zeros(0)
         gravity = float(np.linalg.norm(state.gravity)) * h
         still = PART * float(stepper.surfaces.delta.min()) / h if stepper.surfaces.vertices else 0.0
+        if stepper.dynamics_of.fine and gravity > 0.0:
+            still = 0.0
         self.tolerance = max(model.contact.tolerance * max(gravity, still), LEAST)
         self.iterations: dict[str, int] = {}
         self.free: np.ndarray | None = None
         self.limits = Limits(self)
+        self.started = False
         self.a: sp.bsr_array
         self.base: np.ndarray  # (n, 3) of `ContactProblem.free`
         self.load: np.ndarray | None  # (n, 3)
         self.given: np.ndarray  # (n, 3) [N s] what the user pushes with
         with stepper.timed("forces"):
             self.began = stepper.dynamics_of.begin(self)
+        self.closing.v0 = self.base
 
     def again(self) -> bool:
         """Linearise about the motion as it is; False where the scheme has nothing to gain from that."""
@@ -160,6 +163,13 @@ class Attempt:
     def _solved(self, problem: ContactProblem, start: np.ndarray) -> ContactSolution:
         """By the solver that the scene names."""
         stepper, options = self.stepper, self.stepper.options
+        if problem.load is None and problem.count == 0 and self.closing.looks == 0:  # free motion, rows and all
+            rows = 0 if problem.e is None else problem.e.shape[0]
+            return ContactSolution(self.base.ravel(), np.zeros((0, 3)), np.zeros(rows), {}, 0.0, True)
+        if problem.load is None and not self.started:  # A is diagonal: what the impulses of the last step make of u*
+            self.started = True
+            pushed = np.linalg.solve(problem.a.data, (problem.j.T @ start.ravel()).reshape(-1, 3, 1))[:, :, 0]
+            self.v = np.where(self.prescribed.fixed[:, None], self.base, self.base + pushed)
         if options.solver == "newton" and options.friction_shape == "cone":
             return stepper.solver.solve(problem, start, self.v.ravel(), self.tolerance, options.max_iterations)
         if self.free is None:

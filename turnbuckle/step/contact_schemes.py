@@ -32,6 +32,7 @@ class ContactScheme(ABC):
     """How the dynamics of an attempt are made."""
 
     alpha = beta = 1.0  # of `turnbuckle.bodies.implicit_system`
+    fine = True  # contact is solved to a part of what gravity does in a step, however slow that is
 
     def __init__(self, stepper: "ContactStepper") -> None:
         self.stepper = stepper
@@ -59,6 +60,8 @@ class ContactScheme(ABC):
 
 class BackwardEuler(ContactScheme):
     """``M (v1 - v0) = h F(x1, v1)``, x1 = x0 + h v1; by default one Newton iteration (3). Force fields at the start."""
+
+    fine = False
 
     @property
     def iterations(self) -> int:

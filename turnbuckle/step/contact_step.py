@@ -16,6 +16,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
+from turnbuckle.compute import host
 from turnbuckle.constraints.activation import break_rows, update_windows
 from turnbuckle.contact.detector import Detector
 from turnbuckle.contact.intersections import Intersections
@@ -30,6 +31,7 @@ from turnbuckle.integrators import SCHEMES
 from turnbuckle.solvers.contact.newton import NewtonSolver
 from turnbuckle.step.contact_attempt import Attempt
 from turnbuckle.step.contact_dynamics import ContactDynamics
+from turnbuckle.step.contact_explicit import Explicit, ExplicitJointReports
 from turnbuckle.step.contact_joint_report import JointReports
 from turnbuckle.step.contact_joints import ContactJoints
 from turnbuckle.step.contact_report import ContactReports
@@ -64,20 +66,24 @@ class ContactStepper:
         self.solver = NewtonSolver(model.device)
         self.memory = Memory(self.surfaces, state)
         self.joints = ContactJoints(model, state)
-        self.joint_reports = JointReports(model, state, self.joints)
-        self.articulated = self.joint_reports.articulated
         self.reports = ContactReports(model, state)
         self.scheme = SCHEMES[model.integrator]()
-        self.dynamics_of = self._scheme()
+        self.dynamics_of = self._dynamics()
+        if isinstance(self.dynamics_of, Explicit):
+            self.joint_reports: JointReports = ExplicitJointReports(model, state, self.joints, self.dynamics_of.free)
+        else:
+            self.joint_reports = JointReports(model, state, self.joints)
+        self.articulated = self.joint_reports.articulated
         self.dynamics.alpha, self.dynamics.beta = self.dynamics_of.alpha, self.dynamics_of.beta
         self._intersections: Intersections | None = None
         self._moves = moves
         self._seconds: dict[str, float] = {}
+        self._known: np.ndarray | None = None  # positions of points that were found free of intersections
 
-    def _scheme(self) -> ContactScheme:
+    def _dynamics(self) -> ContactScheme:
         if self.model.integrator == "newmark":
             return Newmark(self)
-        return BackwardEuler(self)
+        return BackwardEuler(self) if self.scheme.implicit else Explicit(self)
 
     @contextmanager
     def timed(self, stage: str) -> Iterator[None]:
@@ -95,7 +101,7 @@ class ContactStepper:
         start = Snapshot(self.state)
         steps = self.state.steps
         try:
-            if self.state.stale:
+            if self.state.stale and not self._is_known():
                 self.check_start()
             report = self._advance(dt, self.options.halvings)
         except (FloatingPointError, np.linalg.LinAlgError, StepError) as error:
@@ -114,6 +120,8 @@ class ContactStepper:
         self.joint_reports.follow(h)
         move_goals(self.state, self.scheme, h)
         attempt = Attempt(self, h)
+        if not attempt.began:
+            return self._halved(attempt, h, depth)
         with self.timed("detection"):
             contacts = self.detector.near(attempt.s0) if self.options.proximity else no_contacts()
         refined = refine(contacts, attempt.solve, attempt.crossed, self.options.rounds)
@@ -125,6 +133,13 @@ class ContactStepper:
             return self._commit(attempt, refined)
         if depth == 0:
             return self._last_resort(attempt, refined)
+        return self._halved(attempt, h, depth)
+
+    def _halved(self, attempt: Attempt, h: float, depth: int) -> StepReport:
+        """Two halves instead of an attempt."""
+        self.dynamics_of.take_back(attempt)
+        if depth == 0:
+            return self._failed(h, "velocities are no longer finite numbers")
         first = self._advance(0.5 * h, depth - 1)
         if first.status == "failed":
             return first
@@ -173,9 +188,14 @@ class ContactStepper:
     def _commit(self, attempt: Attempt, refined: Refined) -> StepReport:
         state, dynamics, h = self.state, self.dynamics, attempt.h
         assert attempt.solution is not None
+        scheme = self.dynamics_of
+        self._remember(attempt)
+        if isinstance(scheme, Explicit) and scheme.stays(attempt):
+            report = scheme.leave(attempt)
+            self._count(report, attempt, refined)
+            return report
         q = attempt.q1
         v = end_velocities(attempt)
-        self._remember(attempt)
         body = self.model.body_of[dynamics.slaves]
         speeds = v[: self.model.points].copy()
         arm = rotate(q[body], self.model.rigid.local[dynamics.slaves])
@@ -187,23 +207,39 @@ class ContactStepper:
             getattr(state.rigid, name).assign(np.ascontiguousarray(values))
         state.time = attempt.time0 + h
         state.dt = h
-        state.stale = False
+        state.stale = isinstance(scheme, Explicit)  # what it remembers is made anew
         state.activated = False
-        report = StepReport(time=state.time, dt=h, rounds=refined.rounds, iterations=dict(attempt.iterations))
-        report.contacts = attempt.solved.count
-        report.touching = int((attempt.solution.impulse[: report.contacts, 0] > 0.0).sum())
-        gap = self.detector.smallest_gap
-        report.smallest_gap = gap if np.isfinite(gap) else None
+        self._known = np.array(attempt.x1)
+        report = StepReport(time=state.time, dt=h)
+        self._count(report, attempt, refined)
         with self.timed("report"):
-            self.reports.measure(attempt, v, report)
+            if isinstance(scheme, Explicit):
+                forces = scheme.set_aside()
+                self.reports.measure(attempt, v, report)
+                scheme.add_to(report, forces)
+            else:
+                self.reports.measure(attempt, v, report)
         if not attempt.solution.converged:
             report.messages.append(f"contact forces missed their conditions by {attempt.solution.residual:.1e} m/s")
         if attempt.limits.over > ALLOWED:
             report.messages.append(f"strain limits are passed by {attempt.limits.over:.1e} of the length")
         self.joint_reports.report(report, self.model.size)
-        report.broken = break_rows(self.model, state) + self.joint_reports.break_joints()
+        report.broken += break_rows(self.model, state) + self.joint_reports.break_joints()
         report.status = "degraded" if report.messages else "ok"
         return report
+
+    def _count(self, report: StepReport, attempt: Attempt, refined: Refined) -> None:
+        """Rounds, contacts and gaps of the last solve."""
+        assert attempt.solution is not None
+        report.rounds, report.contacts = refined.rounds, attempt.solved.count
+        report.iterations.update(attempt.iterations)
+        report.touching = int((attempt.solution.impulse[: report.contacts, 0] > 0.0).sum())
+        gap = self.detector.smallest_gap
+        report.smallest_gap = gap if np.isfinite(gap) else None
+
+    def _is_known(self) -> bool:
+        """Whether points are where the last step has put them, whatever else was changed."""
+        return self._known is not None and np.array_equal(self._known, host(self.state.now.x))
 
     def _remember(self, attempt: Attempt) -> None:
         assert attempt.solution is not None

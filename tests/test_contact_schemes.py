@@ -1,0 +1,151 @@
+"""Every integration scheme beside contact: its own order away from contact, the same rest and friction where it touches."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+import turnbuckle
+
+EXPLICIT = ("explicit_euler", "euler_cromer", "midpoint", "rk2", "verlet", "velocity_verlet", "beeman", "rk4")
+ALL = (*EXPLICIT, "implicit_euler", "newmark")
+MU = 0.4
+
+
+def sliding(integrator: str, dt: float = 1e-3, **contact: object) -> turnbuckle.Simulation:
+    """A cloth that falls flat, and a rigid box thrown over the ground."""
+    scene = turnbuckle.Scene("sliding", dt=dt, integrator=integrator, contact={"delta": 4e-3, "friction": MU, **contact})
+    scene.add_obstacle("ground", plane=[4, 4])
+    scene.add_cloth(
+        "cloth", size=[0.4, 0.4], cells=[3, 3], position=[-0.5, -0.2, 0.01], density=0.5, structural_stiffness=50.0,
+        shear_stiffness=20.0, damping=0.05,
+    )  # fmt: skip
+    scene.add_rigid("box", box=[0.2, 0.2, 0.05], position=[0.5, 0, 0.0292], density=500.0, velocity=[0.5, 0, 0])
+    return turnbuckle.Simulation(scene)
+
+
+@pytest.mark.parametrize("integrator", ALL)
+def test_a_thrown_box_slides_as_far_as_friction_says(integrator: str) -> None:
+    simulation = sliding(integrator)
+    for _ in range(180):
+        report = simulation.step()
+        assert report.status == "ok", report.messages
+        assert report.smallest_gap is None or report.smallest_gap > 0.0
+    way = 0.5**2 / (2 * MU * 9.81)
+    assert simulation.center("box")[0] - 0.5 == pytest.approx(way, rel=0.03)
+    assert np.abs(np.concatenate(simulation.velocity("box"))).max() < 2e-3  # at rest: no scheme shows a false speed
+    still = np.abs(simulation.velocities("cloth")).max()
+    assert still < (6e-3 if integrator == "verlet" else 2e-3)  # v of Verlet is that of one step ago, as printed
+    assert simulation.positions("cloth")[:, 2].min() > 3e-3
+
+
+def test_a_scheme_is_left_alone_where_nothing_touches() -> None:
+    """Away from contact, the same bits as without it."""
+
+    def run(integrator: str, contact: bool) -> np.ndarray:
+        options = {"contact": {"delta": 4e-3}} if contact else {}
+        scene = turnbuckle.Scene("free", dt=2e-3, integrator=integrator, gravity=[0, 0, -1.0], **options)
+        scene.add_cloth(
+            "cloth", size=[0.4, 0.4], cells=[3, 3], density=0.5, structural_stiffness=30.0, shear_stiffness=10.0,
+            damping=0.02,
+        )  # fmt: skip
+        scene.add_rigid("box", box=[0.3, 0.2, 0.1], position=[3, 0, 0], mass=1.0, angular_velocity=[1, 2, 0.5])
+        scene.add_constraint("nail", "n", points=[{"body": "cloth", "index": 0}])
+        simulation = turnbuckle.Simulation(scene)
+        for _ in range(30):
+            assert simulation.step().status == "ok"
+        return np.concatenate([simulation.positions(), simulation.velocities()])
+
+    for integrator in ("velocity_verlet", "verlet", "rk4", "beeman"):
+        assert np.array_equal(run(integrator, True), run(integrator, False))
+
+
+def _pendulum(integrator: str, dt: float, newton: int = 1, k: float = 2000.0) -> turnbuckle.Simulation:
+    """A mass on a stiff spring at a nail, thrown sideways; a box that turns freely; both far from anything."""
+    scene = turnbuckle.Scene("pendulum", dt=dt, integrator=integrator, contact={"delta": 1e-3, "newton": newton})
+    scene.add_lines("rod", points=[[0, 0, 0], [0.5, 0, 0]], edges=[[0, 1]], masses=1.0, stiffness=k)
+    scene.add_rigid("box", box=[0.3, 0.2, 0.1], position=[5, 0, 0], mass=1.0, angular_velocity=[3, 1, 0.5])
+    scene.add_constraint("nail", "n", points=[{"body": "rod", "index": 0}])
+    return turnbuckle.Simulation(scene)
+
+
+def _errors(make: Callable[[float], turnbuckle.Simulation], steps: tuple[int, ...], exact: int) -> np.ndarray:
+    def end(n: int) -> np.ndarray:
+        simulation = make(0.2 / n)
+        for _ in range(n):
+            assert simulation.step().status == "ok"
+        place, q = simulation.pose("box")
+        speeds = np.concatenate(simulation.velocity("box"))
+        return np.concatenate([simulation.positions("rod")[1], simulation.velocities("rod")[1], place, q, speeds])
+
+    reference = end(exact)
+    return np.array([np.abs(end(n) - reference) for n in steps])
+
+
+def test_newmark_is_of_order_two_for_points_and_bodies() -> None:
+    first, second = _errors(lambda dt: _pendulum("newmark", dt, k=100.0), (40, 80), 640)
+    slope = np.log2(first.max() / second.max())
+    assert 1.8 < slope < 2.3
+    assert 1.7 < np.log2(first[6:].max() / second[6:].max()) < 2.3  # of the body alone
+
+
+def _missed(simulation: turnbuckle.Simulation, v0: np.ndarray, k: float) -> float:
+    """What the committed step leaves of ``M (v1 - v0) = h F(x1)`` [N s], of the point that swings."""
+    x, v, h = simulation.positions("rod"), simulation.velocities("rod")[1], simulation.dt
+    d = x[1] - x[0]
+    length = np.linalg.norm(d)
+    force = -k * (length - 0.5) * d / length + np.array([0, 0, -9.81])
+    return float(np.linalg.norm(v - v0 - h * force))
+
+
+def test_newton_iterations_converge_quadratically() -> None:
+    k, left = 2000.0, []
+    for newton in (1, 2, 3, 4):
+        simulation = _pendulum("implicit_euler", 0.02, newton, k)
+        v0 = simulation.velocities("rod").copy()
+        v0[1] = [0.0, 3.0, -2.0]
+        simulation.state.set_velocities(v0)
+        assert simulation.step().status == "ok"
+        left.append(_missed(simulation, v0[1], k))
+    assert left[0] > 1e-2
+    exponents = [np.log(b / a) / np.log(a / c) for c, a, b in zip(left, left[1:], left[2:], strict=False) if b > 1e-9]
+    assert left[3] < 1e-6 * left[0], left
+    assert max(-e for e in exponents) > 1.6, left
+
+
+@pytest.mark.parametrize("integrator", ["velocity_verlet", "newmark"])
+def test_impacts_never_gain_energy(integrator: str) -> None:
+    scene = turnbuckle.Scene("fall", dt=2e-3, integrator=integrator, contact={"delta": 4e-3, "friction": 0.3})
+    scene.add_obstacle("ground", plane=[4, 4])
+    scene.add_solid(
+        "soft", box={"size": [0.2, 0.2, 0.2], "cells": [1, 1, 1]}, position=[0, 0, 0.03], youngs_modulus=1e4,
+        poissons_ratio=0.3, density=300.0, rotation=[0.3, 0.2, 0], velocity=[0.3, 0, -0.5],
+    )  # fmt: skip
+    scene.add_rigid("ball", sphere=0.05, position=[1, 0, 0.08], density=500.0, velocity=[0.4, 0, -1.0])
+    simulation = turnbuckle.Simulation(scene)
+    totals = []
+    for _ in range(120):
+        report = simulation.step()
+        assert report.status == "ok", report.messages
+        totals.append(sum(report.energies[name] for name in ("kinetic", "elastic", "gravity")))
+    assert max(totals[1:]) <= totals[0] * 1.002
+    assert totals[-1] < 0.95 * totals[0]  # both have hit the ground
+
+
+def test_joints_and_scripts_hold_beside_contact_under_an_explicit_scheme() -> None:
+    """A hammer on a hinge falls on a platform that rises; the joint stays closed, the platform goes where it is told."""
+    scene = turnbuckle.Scene("hammer", dt=2e-3, integrator="velocity_verlet", contact={"delta": 4e-3})
+    keys = {"times": [0.0, 0.4], "positions": [[0, 0, -0.2], [0, 0, -0.1]], "interpolation": "linear"}
+    scene.add_obstacle("platform", box=[0.6, 0.6, 0.1], trajectory=keys)
+    scene.add_rigid("head", box=[0.1, 0.1, 0.1], position=[0.2, 0, 0], density=500.0)
+    scene.add_constraint("revolute", "hinge", body1="head", anchor=[-0.2, 0, 0], axis=[0, 1, 0])
+    simulation = turnbuckle.Simulation(scene)
+    touched = 0
+    for _ in range(150):
+        report = simulation.step()
+        assert report.status == "ok", report.messages
+        assert report.position_residual["joint"] < 1e-9
+        touched += report.touching > 0
+    assert touched > 40
+    top = simulation.positions("platform")[:, 2].max()
+    assert top == pytest.approx(-0.15 + 0.1 * simulation.time / 0.4, abs=1e-12)
