@@ -106,9 +106,11 @@ class NewtonScene:
             builder.add_triangles(*faces.T, tri_ke=none, tri_ka=none, tri_kd=none, tri_drag=none, tri_lift=none)
         hinges = model.hinges
         if len(hinges.points):
-            k, l, i, j = number[hinges.points].T
+            first, second, left, right = number[hinges.points].T
             length = np.linalg.norm(self.x[hinges.points[:, 0]] - self.x[hinges.points[:, 1]], axis=1)
-            builder.add_edges(i, j, k, l, edge_ke=(hinges.k / length).tolist(), edge_kd=(hinges.k_d / length).tolist())
+            builder.add_edges(
+                left, right, first, second, edge_ke=(hinges.k / length).tolist(), edge_kd=(hinges.k_d / length).tolist()
+            )
         solid = model.corotational
         e, nu = solid.youngs_modulus, solid.poissons_ratio
         mu, lam = e / (2.0 * (1.0 + nu)), e * nu / ((1.0 + nu) * (1.0 - 2.0 * nu))
