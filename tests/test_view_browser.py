@@ -107,7 +107,7 @@ def test_a_vertex_that_is_dragged_goes_where_the_mouse_goes(open_page: Any) -> N
     held = until(lambda: session.frame.pull, "the hand to hold")
     assert np.linalg.norm(held.place - start) < 0.3
     assert in_simulation(shown, lambda s: "hand_nail" in s.state.groups)
-    goal = until(lambda: _aimed(session), "the hand to follow")
+    (goal,) = until(lambda: _aimed(session), "the hand to follow")
     until(lambda: session.frame.pull and np.linalg.norm(session.frame.pull.place - goal) < 1e-3, "the vertex to arrive")
     taken = in_simulation(shown, lambda s: int(s.state.groups["hand_nail"].points[0]))
     at = in_simulation(shown, lambda s: s.positions()[taken].copy())
@@ -121,14 +121,14 @@ def test_a_vertex_that_is_dragged_goes_where_the_mouse_goes(open_page: Any) -> N
     assert np.linalg.norm(in_simulation(shown, lambda s: s.positions()[taken].copy()) - goal) > 5e-3
 
 
-def _aimed(session: Any) -> Any:
+def _aimed(session: Any) -> tuple[np.ndarray] | None:
     """The target of the hand, once it no longer changes."""
     pull = session.frame.pull
     if pull is None:
         return None
     time.sleep(0.5)
     again = session.frame.pull
-    return pull.target if again is not None and np.array_equal(pull.target, again.target) else None
+    return (pull.target,) if again is not None and np.array_equal(pull.target, again.target) else None
 
 
 def test_a_switch_on_the_page_switches_the_constraint(open_page: Any) -> None:
