@@ -48,6 +48,7 @@ class ContactDynamics:
         self.never[self.points :] = np.repeat(~self.dynamic, 2)
         self.pairs = (self.points + 2 * np.flatnonzero(self.dynamic)).astype(np.int32)
         self.alpha = self.beta = 1.0  # of the scheme (`turnbuckle.bodies.implicit_system`)
+        self.waiting = False  # scripts rest in this step
         self.begin()
 
     # Where things are ----------------------------------------------------------------------------------------------
@@ -134,7 +135,7 @@ class ContactDynamics:
         velocity = np.zeros((self.n, 3))
         x = host(self.state.now.x)
         scripted = np.full((self.points, 3), np.nan)
-        end = self.state.time + h - self.state.script_delay
+        end = self.state.time + (0.0 if self.waiting else h) - self.state.script_delay
         for script in self.model.scripted:
             part = slice(script.begin, script.end)
             scripted[part] = script.positions(end) if script.moves else x[part]

@@ -99,7 +99,8 @@ class Explicit(ContactScheme):
         """Whether the step is that of the scheme alone: nothing pushed, no script waits."""
         solution = attempt.solution
         assert solution is not None
-        waits = self.stepper.state.script_delay > 0.0 and bool(self.stepper.model.rigid.trajectories)
+        late = self.stepper.state.script_delay > 0.0 or self.stepper.dynamics.waiting
+        waits = late and bool(self.stepper.model.rigid.trajectories)
         return not (solution.impulse.any() or solution.equality.any() or waits)
 
     def leave(self, attempt: "Attempt") -> StepReport:

@@ -36,6 +36,7 @@ from turnbuckle.step.contact_joint_report import JointReports
 from turnbuckle.step.contact_joints import ContactJoints
 from turnbuckle.step.contact_report import ContactReports
 from turnbuckle.step.contact_limits import ALLOWED
+from turnbuckle.step.contact_pressed import pressed_contacts
 from turnbuckle.step.contact_rows import Memory, PointMap
 from turnbuckle.step.contact_schemes import BackwardEuler, ContactScheme, Newmark
 from turnbuckle.step.contact_velocities import end_velocities
@@ -78,6 +79,7 @@ class ContactStepper:
         self._intersections: Intersections | None = None
         self._moves = moves
         self._seconds: dict[str, float] = {}
+        self._scripts = bool(model.rigid.trajectories) or any(s.moves for s in model.scripted)
         self._known: np.ndarray | None = None  # positions of points that were found free of intersections
 
     def _dynamics(self) -> ContactScheme:
@@ -129,6 +131,10 @@ class ContactStepper:
             if not refined.clear or not attempt.again():
                 break
             refined = refine(refined.contacts, attempt.solve, attempt.crossed, self.options.rounds)
+        if self._may_wait() and refined.solved:
+            pressed = pressed_contacts(attempt)
+            if pressed.count:
+                return self._wait(attempt, pressed)
         if refined.clear and (attempt.closing.good or depth == 0):
             return self._commit(attempt, refined)
         if depth == 0:
@@ -154,10 +160,31 @@ class ContactStepper:
             v, crossed = clear_with_zones(
                 zones, refined.crossed, attempt.v, attempt.moved, attempt.crossed, self.surfaces, dynamics.block_of
             )
+        if v is None and self._may_wait():
+            return self._wait(attempt, crossed)
         if v is None:
+            self.dynamics_of.take_back(attempt)
             return self._failed(attempt.h, f"no motion keeps apart {self._named(crossed)}: prescribed motions press them together")
         report = self._commit(attempt, refined)
         report.last_resorts = 1
+        return report
+
+    def _may_wait(self) -> bool:
+        """Whether scripts move that may wait where they make a step impossible."""
+        return self.options.on_impossible == "stall" and not self.dynamics.waiting and self._scripts
+
+    def _wait(self, attempt: Attempt, pressed: Contacts) -> StepReport:
+        """The step of an attempt once more, with all scripts at rest."""
+        self.dynamics_of.take_back(attempt)
+        self.dynamics.waiting = True
+        try:
+            report = self._advance(attempt.h, self.options.halvings)
+        finally:
+            self.dynamics.waiting = False
+        if report.status != "failed":
+            late = self.state.script_delay
+            report.messages.append(f"scripts wait, {late:.3g} s late: they press together {self._named(pressed)}")
+            report.status = "degraded"
         return report
 
     def _named(self, contacts: Contacts) -> str:
@@ -190,6 +217,8 @@ class ContactStepper:
         assert attempt.solution is not None
         scheme = self.dynamics_of
         self._remember(attempt)
+        if self.dynamics.waiting:
+            state.script_delay += h
         if isinstance(scheme, Explicit) and scheme.stays(attempt):
             report = scheme.leave(attempt)
             self._count(report, attempt, refined)
