@@ -21,7 +21,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import warp as wp
 
 from turnbuckle.compute import Program, host
 from turnbuckle.data.contact import ContactProblem, ContactSolution
@@ -32,7 +31,7 @@ from turnbuckle.solvers.contact.newton_buffers import Buffers
 from turnbuckle.solvers.contact.newton_drift import Drift
 from turnbuckle.solvers.contact.newton_equality import EqualityRows
 
-SCALE = 2.0  # rho times the compliance of a contact by itself
+SCALE = 1.0  # rho times the compliance of a contact by itself
 GATE = 3.0  # multipliers are updated once the gradient is below this times what they miss by
 FORCING = 0.25  # part of the gradient that conjugate gradients may leave
 BATCH = 8  # iterations of conjugate gradients between two looks at the result
@@ -46,6 +45,7 @@ EXACT = 1e-3  # of the tolerance: a start that misses by less needs no step; oth
 LARGEST = 1e4  # the largest SCALE
 WORSE = 0.7  # a step that leaves more than this of the gradient is looked at again
 LEAST = 1e-3  # the shortest part of a step
+SAME = 1e-13  # of the Lagrangian: round-off
 
 
 @dataclass
@@ -100,7 +100,10 @@ class NewtonSolver:
             self.rows = EqualityRows(problem, b)
         self._find_parts(problem)
         self._record(tiles)
-        b.write("v", (problem.free if velocity is None else velocity).reshape(-1, 3))
+        guess = np.array(problem.free if velocity is None else velocity, dtype=float).reshape(-1, 3)
+        if problem.fixed is not None:
+            guess[problem.fixed] = problem.free.reshape(-1, 3)[problem.fixed]
+        b.write("v", guess)
         b.write("multiplier", np.zeros((m, 3)) if start is None else start)
         b.write("shift", np.zeros(m))
         scale = SCALE
@@ -164,24 +167,23 @@ class NewtonSolver:
             self._run("iterate")
             scalars = host(self.buffers.scalars)
         tries = int(scalars[kernels.TRIES])
-        slope = self._slope()
         self._go("v", 1.0)
         after = self._evaluate()
         if not after.gradient < WORSE * before.gradient:
             self._go("v", -1.0)
-            length = self._shortened(slope)
+            length = self._shortened()
             self._go("v", length)
             after = self._evaluate()
         return tries, after
 
-    def _shortened(self, slope: float) -> float:
+    def _shortened(self) -> float:
         """The part of the step that makes the augmented Lagrangian least, among halves of it."""
         before = self._merit("v")
         length, best = 1.0, np.inf
         while length > LEAST:
             self._go("trial", length)
             found = self._merit("trial")
-            if found >= best and best <= before + 1e-4 * (2.0 * length) * slope + 1e-13 * abs(before):
+            if found >= best and best <= before + SAME * abs(before):
                 return 2.0 * length  # the one before was better, and good
             best = found
             length *= 0.5
@@ -195,10 +197,6 @@ class NewtonSolver:
     def _merit(self, at: str = "v") -> float:
         self._run(f"merit_{at}")
         return float(host(self.buffers.sums).sum() + host(self.buffers.contact_sums).sum())
-
-    def _slope(self) -> float:
-        self._run("slope")
-        return float(host(self.buffers.sums).sum())
 
     def _run(self, name: str) -> None:
         self._programs[name].run()
@@ -275,7 +273,6 @@ class NewtonSolver:
             "newton": program((cg.begin_gradients, [t, s, b.g, b.residual, b.dv, b.p, b.q, b.pq, b.scalars], t), advance,
                               *apply, (cg.first_direction, [t, b.sums, FORCING, b.scalars], 1), *(iteration * batch)),
             "iterate": program(*(iteration * batch)),
-            "slope": program((cg.dot, [t, s, b.g, b.dv, b.sums], t)),
             "move_trial": program((k.move, [t, s, b.length, b.v, b.dv, b.trial], t)),
             "move_v": program((k.move, [t, s, b.length, b.v, b.dv, b.v], t)),
             **{

@@ -16,7 +16,6 @@ from turnbuckle.solvers.contact.newton_kernels import (
     RZ,
     TRIES,
     place,
-    relative,
 )
 
 wp.set_module_options({"enable_backward": False})

@@ -1,0 +1,50 @@
+"""The default contact solver against the others, on random problems and on ones that are hard for sweeps."""
+
+import numpy as np
+import pytest
+
+from tests.reference import contact_problem
+from turnbuckle.solvers.contact.anticipation import solve_anticipation
+from turnbuckle.solvers.contact.newton import NewtonSolver, solve_newton
+from turnbuckle.solvers.contact.residuals import contact_residuals
+
+MAKERS = ["cloth_on_plane", "soft_stack", "rigid_pile", "chain_on_plane", "mixed"]
+
+
+def make(name, friction, seed=1):
+    return getattr(contact_problem, name)(mu=friction, seed=seed)
+
+
+@pytest.mark.parametrize("name", MAKERS)
+def test_frictionless_velocities_are_those_of_anticipation_from_random_starts(name):
+    problem = make(name, 0.0)
+    rng = np.random.default_rng(7)
+    wanted = solve_anticipation(problem, tolerance=1e-11).velocity
+    for _ in range(2):
+        start = np.zeros((problem.count, 3))
+        start[:, 0] = rng.uniform(0.0, 1e-2, problem.count)
+        found = NewtonSolver().solve(problem, start, rng.normal(size=len(wanted)), 1e-11, 2000)
+        assert found.converged
+        np.testing.assert_allclose(found.velocity, wanted, atol=1e-8)
+
+
+@pytest.mark.parametrize("name", MAKERS)
+def test_friction_meets_every_condition(name):
+    problem = make(name, 0.4)
+    found = solve_newton(problem, tolerance=1e-8, max_iterations=2000)
+    assert found.converged
+    residuals = contact_residuals(problem, found.velocity, found.impulse, found.equality)
+    assert residuals.worst < 5e-8
+
+
+def test_threads_do_not_change_the_answer():
+    problem = make("mixed", 0.3)
+    one, two = (NewtonSolver(threads=n).solve(problem, tolerance=1e-6) for n in (1, 2))
+    np.testing.assert_array_equal(one.velocity, two.velocity)
+
+
+def test_a_warm_start_needs_no_step():
+    problem = make("cloth_on_plane", 0.3)
+    first = solve_newton(problem, tolerance=1e-9, max_iterations=2000)
+    again = NewtonSolver().solve(problem, first.impulse, first.velocity, 1e-5)
+    assert again.converged and again.iterations["newton"] <= 1
