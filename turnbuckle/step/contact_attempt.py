@@ -23,6 +23,7 @@ NEAR = 0.8  # of delta: contacts nearer than this are let apart; between, they s
 RECOVERED = 0.2  # part of what a contact is too near by that a step gives back
 LEAST = 1e-9  # [m/s] the smallest tolerance
 PART = 0.25  # of delta: a motion in a step that the tolerance is a part of, where gravity does less
+ROUGH = 10.0  # times the tolerance, while contacts are still being found
 FREE = 1e-6  # of the tolerance: to what free velocities are solved where a solver asks for them
 
 
@@ -57,7 +58,13 @@ class Attempt:
         self.iterations: dict[str, int] = {}
         self.free: np.ndarray | None = None
         self.limits = Limits(self)
+        self.parting = np.zeros(0)  # [m/s] at which crossings part
+        if stepper.opening is not None:
+            stepper.opening.look(self.s0)
+            self.parting = np.full(stepper.opening.count, stepper.options.recovery)
         self.started = False
+        self.rough = stepper.busy and not self.closing.exists  # the first contacts are not the last ones: no need for all digits
+        stepper.busy = False
         self.a: sp.bsr_array
         self.base: np.ndarray  # (n, 3) of `ContactProblem.free`
         self.load: np.ndarray | None  # (n, 3)
@@ -87,7 +94,7 @@ class Attempt:
                 limited = self._limited(base)
                 problem = self.closing.put(limited, self._motion()) if self.closing.exists else limited
                 start = np.einsum("mij,mj->mi", self.frame, self.impulse)
-                start = np.concatenate([start, self.limits.impulse])
+                start = np.concatenate([start, self.limits.impulse, np.zeros((len(self.parting), 3))])
             with stepper.timed("contact_solve"):
                 found = self._solved(problem, start)
             if not np.isfinite(found.velocity).all():
@@ -98,7 +105,7 @@ class Attempt:
             m = contacts.count
             self.impulse = np.einsum("mij,mi->mj", self.frame, found.impulse[:m])
             s1 = self.moved(found.velocity.reshape(-1, 3))
-            if self.limits.exists and not self.limits.kept(found.impulse[m:], self.x1):
+            if self.limits.exists and not self.limits.kept(found.impulse[m : m + self.limits.count], self.x1):
                 continue
             if not self.closing.exists or self.closing.closed(found.equality, self._motion()):
                 return s1
@@ -106,14 +113,26 @@ class Attempt:
                 return stepper.surfaces.positions(self.x1)
 
     def _limited(self, problem: ContactProblem) -> ContactProblem:
-        """The problem with rows of strain limits after those of contacts."""
-        limits = self.limits
-        if limits.count == 0:
+        """The problem with rows of strain limits after those of contacts, and those of crossings that are to part."""
+        others, floors = self.other_rows(self.arms)
+        if len(floors) == 0:
             return problem
-        j = sp.vstack([problem.j, limits.rows()], format="bsr")
-        floor = np.concatenate([problem.floor, limits.floor()])
-        friction = np.concatenate([problem.friction, np.zeros(limits.count)])
-        return replace(problem, j=j, floor=floor, friction=friction)
+        j = sp.vstack([problem.j, *others], format="bsr")
+        friction = np.concatenate([problem.friction, np.zeros(len(floors))])
+        return replace(problem, j=j, floor=np.concatenate([problem.floor, floors]), friction=friction)
+
+    def other_rows(self, arms: np.ndarray) -> tuple[list[sp.bsr_array], np.ndarray]:
+        """J of strain limits and of crossings, and what they ask for."""
+        limits, opening = self.limits, self.stepper.opening
+        j, floors = [], [np.zeros(0)]
+        if limits.count:
+            j.append(limits.rows())
+            floors.append(limits.floor())
+        if len(self.parting):
+            assert opening is not None
+            j.append(opening.rows(arms, self.stepper.map))
+            floors.append(self.parting)
+        return j, np.concatenate(floors)
 
     def _move(self, v: np.ndarray) -> Motion:
         self.moved(v)
@@ -123,9 +142,15 @@ class Attempt:
         return Motion(self.v, self.x1, self.bx1, self.q1)
 
     def crossed(self, s1: np.ndarray) -> Contacts:
-        """What the way to ``s1`` comes too near to."""
+        """What the way to ``s1`` comes too near to; a way that is clear by a rough solution is solved in full first."""
         with self.stepper.timed("ccd"):
-            return self.stepper.detector.crossed(self.s0, s1)
+            found = self.stepper.detector.crossed(self.s0, s1)
+        self.stepper.busy |= found.count > 0
+        if found.count or not self.rough:
+            return found
+        self.rough = False
+        full = self.solve(self.solved)
+        return self.solved if full is None else self.crossed(full)
 
     def moved(self, v: np.ndarray) -> np.ndarray:
         """Surface vertices at the end of the step with block velocities v (n, 3), which become those of the attempt."""
@@ -171,7 +196,8 @@ class Attempt:
             pushed = np.linalg.solve(problem.a.data, (problem.j.T @ start.ravel()).reshape(-1, 3, 1))[:, :, 0]
             self.v = np.where(self.prescribed.fixed[:, None], self.base, self.base + pushed)
         if options.solver == "newton" and options.friction_shape == "cone":
-            return stepper.solver.solve(problem, start, self.v.ravel(), self.tolerance, options.max_iterations)
+            tolerance = self.tolerance * (ROUGH if self.rough else 1.0)
+            return stepper.solver.solve(problem, start, self.v.ravel(), tolerance, options.max_iterations)
         if self.free is None:
             none = sp.bsr_array((np.zeros((0, 3, 3)), np.zeros(0, np.int32), np.zeros(1, np.int32)), shape=(0, len(problem.free)))
             alone = replace(problem, j=none, floor=np.zeros(0), friction=np.zeros(0), e=None, wanted=np.zeros(0))

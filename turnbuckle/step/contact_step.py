@@ -36,6 +36,7 @@ from turnbuckle.step.contact_joint_report import JointReports
 from turnbuckle.step.contact_joints import ContactJoints
 from turnbuckle.step.contact_report import ContactReports
 from turnbuckle.step.contact_limits import ALLOWED
+from turnbuckle.step.contact_opening import PATIENCE, Opening
 from turnbuckle.step.contact_pressed import pressed_contacts
 from turnbuckle.step.contact_rows import Memory, PointMap
 from turnbuckle.step.contact_schemes import BackwardEuler, ContactScheme, Newmark
@@ -76,9 +77,11 @@ class ContactStepper:
             self.joint_reports = JointReports(model, state, self.joints)
         self.articulated = self.joint_reports.articulated
         self.dynamics.alpha, self.dynamics.beta = self.dynamics_of.alpha, self.dynamics_of.beta
+        self.busy = False  # the last attempt found contacts on its way
         self._intersections: Intersections | None = None
         self._moves = moves
         self._seconds: dict[str, float] = {}
+        self.opening: Opening | None = None  # crossings of the start that are let apart
         self._scripts = bool(model.rigid.trajectories) or any(s.moves for s in model.scripted)
         self._known: np.ndarray | None = None  # positions of points that were found free of intersections
 
@@ -103,9 +106,12 @@ class ContactStepper:
         start = Snapshot(self.state)
         steps = self.state.steps
         try:
-            if self.state.stale and not self._is_known():
+            grows = self.options.on_intersection == "grow" and self._known is None  # a run may be resumed while it opens
+            if (self.state.stale or grows) and not self._is_known():
                 self.check_start()
             report = self._advance(dt, self.options.halvings)
+            if self.opening is not None and report.status != "failed":
+                self._tell_crossings(report)
         except (FloatingPointError, np.linalg.LinAlgError, StepError) as error:
             report = self._failed(dt, str(error))
         if report.status == "failed":
@@ -125,7 +131,7 @@ class ContactStepper:
         if not attempt.began:
             return self._halved(attempt, h, depth)
         with self.timed("detection"):
-            contacts = self.detector.near(attempt.s0) if self.options.proximity else no_contacts()
+            contacts = attempt.near() if self.options.proximity else no_contacts()
         refined = refine(contacts, attempt.solve, attempt.crossed, self.options.rounds)
         for _ in range(self.dynamics_of.iterations - 1):
             if not refined.clear or not attempt.again():
@@ -196,12 +202,16 @@ class ContactStepper:
         return ", ".join(told) + (" and others" if len(pairs) > TOLD else "")
 
     def check_start(self) -> None:
-        """Refuse a state that intersects. Raises StepError with the pairs."""
+        """Refuse a state that intersects, with the pairs in a StepError, or begin to let it apart."""
         x = self.surfaces.positions(self.state.positions())
         if self._intersections is None:
             self._intersections = Intersections(self.surfaces, self.model.device, self._moves)
+        self.opening = None
         found = self._intersections.find(x)
         if len(found) == 0:
+            return
+        if self.options.on_intersection == "grow":
+            self.opening = Opening(self.surfaces, self._intersections)
             return
         names = [s.name for s in self.model.shapes]
         of_edge, of_face = self.surfaces.shape[self.surfaces.edges[:, 0]], self.surfaces.shape[self.surfaces.faces[:, 0]]
@@ -210,7 +220,19 @@ class ContactStepper:
             f"'{names[a]}' and {'itself' if a == b else repr(names[b])} ({n} edges through faces)"
             for (a, b), n in zip(pairs[:10], counts[:10], strict=True)
         ]
-        raise StepError(f"bodies intersect: {', '.join(told)}; move them apart, or leave the pair out with contact.ignore")
+        raise StepError(f"bodies intersect: {', '.join(told)}; move them apart, leave the pair out with contact.ignore, or let them apart with contact.on_intersection: grow")
+
+    def _tell_crossings(self, report: StepReport) -> None:
+        """Edges that still cross faces after a step; without any, contact is on for everything."""
+        assert self.opening is not None
+        left = self.opening.look(self.surfaces.positions(self.state.positions()))
+        if left == 0:
+            self.opening = None
+            return
+        if self.opening.stuck:
+            raise StepError(f"{left} crossings of the start have not become fewer for {PATIENCE} steps; move the bodies apart")
+        report.messages.append(f"bodies that intersected are let apart: {left} edges through faces are left")
+        report.status = "degraded"
 
     def _commit(self, attempt: Attempt, refined: Refined) -> StepReport:
         state, dynamics, h = self.state, self.dynamics, attempt.h
