@@ -59,7 +59,7 @@ class PaperSolver:
             self._free = self._unconstrained(problem, tolerance, max_iterations)
         given = replace(problem, free=self._free, load=None)
         if self.method == "anticipation":
-            found = full_anticipation(given, start, self.most, self.allowance)
+            found = full_anticipation(given, start, tolerance, self.most, self.allowance)
         else:
             with counted(self.inner):
                 found = ica.solve_ica(
@@ -89,11 +89,11 @@ class PaperSolver:
 
 
 def full_anticipation(
-    problem: ContactProblem, start: np.ndarray | None, most: int, allowance: float
+    problem: ContactProblem, start: np.ndarray | None, tolerance: float, most: int, allowance: float
 ) -> ContactSolution:
     """Constraint anticipation as the paper compares it, without friction: B = J A^-1 J^T, dense, projected Gauss-Seidel (5.1).
 
-    It ends by the rule of 5.5, as `ica` does. (`solve_anticipation` has friction and joints, and goes on to round-off.)
+    It ends by the rule of 5.5 or below ``tolerance`` [m/s], as `ica` does. (`solve_anticipation` has friction and joints, and goes on to round-off.)
     """
     if problem.e is not None or (problem.friction > 0.0).any():
         raise InputError("full anticipation is compared without friction and without joints only; set mu to 0")
@@ -107,10 +107,10 @@ def full_anticipation(
     own = np.diag(b)
     r = np.zeros(problem.count) if start is None else np.array(start[:, 0], dtype=float)
     u = b @ r + (problem.j @ problem.free)[0::3] - problem.floor
-    before, sweeps, worst = np.inf, 0, 0.0
+    before, sweeps, worst = np.nan, 0, 0.0
     while True:
         worst = float(np.abs(np.minimum(u, own * r)).max(initial=0.0))
-        same = abs(worst - before) <= SAME * before or worst == 0.0
+        same = abs(worst - before) <= SAME * before or worst <= tolerance
         converged = bool(same and (u >= -allowance).all())
         if converged or sweeps >= most:
             break
