@@ -145,12 +145,20 @@ class Attempt:
         """What the way to ``s1`` comes too near to; a way that is clear by a rough solution is solved in full first."""
         with self.stepper.timed("ccd"):
             found = self.stepper.detector.crossed(self.s0, s1)
+        if self.stepper.opening is not None:
+            found = self.stepper.opening.without(found)
         self.stepper.busy |= found.count > 0
         if found.count or not self.rough:
             return found
         self.rough = False
         full = self.solve(self.solved)
         return self.solved if full is None else self.crossed(full)
+
+    def near(self) -> Contacts:
+        """What is near at the start."""
+        found = self.stepper.detector.near(self.s0)
+        opening = self.stepper.opening
+        return found if opening is None else opening.without(found)
 
     def moved(self, v: np.ndarray) -> np.ndarray:
         """Surface vertices at the end of the step with block velocities v (n, 3), which become those of the attempt."""

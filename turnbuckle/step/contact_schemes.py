@@ -119,11 +119,13 @@ class Newmark(ContactScheme):
         attempt.base, attempt.load = attempt.v0, load
         self.force, self.rigid, self.base = force, _own_blocks(attempt.a, p), attempt.v0.copy()
         self.rigid_load = load[p:] - 0.5 * h * self.pushes[p:]
+        rough, attempt.rough = attempt.rough, False
         for k in range(max(TRAPEZOID, self.iterations)):
             if k > 0:
                 self.again(attempt)
             if attempt.solve(no_contacts()) is None:
                 return False
+        attempt.rough = rough
         self.free, self.q = attempt.v.copy(), attempt.q1.copy()
         self.again(attempt)
         return True

@@ -41,7 +41,8 @@ def _on_contacts(attempt: "Attempt", ahead: np.ndarray) -> np.ndarray:
     contacts = attempt.solved
     arms = stepper.dynamics.arms_of(attempt.x1, attempt.bx1)
     j = contact_rows(stepper.surfaces, contacts, attempt.frame[: contacts.count], arms, stepper.map)
-    j = sp.vstack([j, attempt.limits.rows()]).tobsr((3, 3)) if attempt.limits.count else j
+    others, _ = attempt.other_rows(arms)
+    j = sp.vstack([j, *others], format="bsr") if others else j
     touching = np.flatnonzero(push)
     problem = ContactProblem(
         a=attempt.a, free=ahead.ravel(), j=_blocks(j, touching), floor=np.zeros(len(touching)),
