@@ -13,7 +13,7 @@ from turnbuckle.data.errors import InputError, StepError, TurnbuckleError
 F = TypeVar("F", bound=Callable[..., Any])
 
 FAILED, WRONG_INPUT, STOPPED = 1, 2, 130
-LONGEST = 4000  # characters of a message
+LONGEST = 2000  # characters of a message
 
 
 def report_errors(verb: F) -> F:

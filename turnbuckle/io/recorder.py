@@ -1,5 +1,6 @@
 """What every recorder can do, and the checks they share."""
 
+import os
 from abc import ABC, abstractmethod
 from pathlib import Path
 from types import TracebackType
@@ -63,6 +64,6 @@ def check_frame(path: Path, x: np.ndarray, v: np.ndarray, points: int | None) ->
 
 def reason(error: BaseException) -> str:
     """The library's words for what went wrong, on one line."""
-    if isinstance(error, OSError) and error.strerror:
-        return error.strerror
+    if isinstance(error, OSError) and error.errno:
+        return os.strerror(error.errno)  # HDF5 makes a page of it
     return " ".join(str(error).split())[:160] or type(error).__name__

@@ -8,9 +8,14 @@ Kill-proof: room for many frames is laid out ahead, so that adding a frame moves
 written into their place and then, last and in one piece, the attribute ``NSteps`` says that they count. Only while
 room is doubled (some ten times in a run of ten thousand frames, about a millisecond each) may a kill hurt the file;
 where that is too much, record .npz too, which has no such moment.
+
+HDF5 does not survive a write that the disk refuses, so room is asked of the disk first (`_reserve`): a disk that is full
+ends the recording with all its frames.
 """
 
+import errno
 import functools
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -26,6 +31,7 @@ from turnbuckle.io.topology import pack, unpack
 
 _FIRST_ROOM = 32  # frames
 _LARGEST_GROWTH = 1 << 29  # bytes laid out ahead at most
+_TABLES = 1 << 16  # bytes that headers and tables of the file take beside its numbers
 _VTK_LINE, _VTK_TRIANGLE, _VTK_TETRA = 3, 5, 10
 
 
@@ -39,9 +45,11 @@ class VtkHdfRecorder(Recorder):
         self._frames = 0
         self._room = 0
         self._series: dict[str, tuple[h5py.Dataset, int]] = {}  # what grows: by name, with its rows a frame
+        arrays, text = pack(shapes, info)
+        _ask_for(path, sum(array.nbytes for array in arrays.values()) + len(text) + _TABLES)
         self._file: h5py.File | None = h5py.File(path, "w", rdcc_nbytes=0)
         state = self._file.create_group("state")
-        arrays, state.attrs["info"] = pack(shapes, info)
+        state.attrs["info"] = text
         topology = state.create_group("topology")
         for name, array in arrays.items():
             topology.create_dataset(name, data=array)
@@ -94,6 +102,7 @@ class VtkHdfRecorder(Recorder):
         """All groups and the constant topology, for states of so many points."""
         assert self._file is not None
         cells, kinds, bodies, self._drawn = _cells(self._shapes, points)
+        self._reserve(sum(rows.nbytes for rows in cells) * 2 + 32 * len(kinds))
         grid = self._file.create_group("VTKHDF")
         grid.attrs["Version"] = np.array([2, 2], dtype=np.int64)
         grid.attrs.create("Type", b"UnstructuredGrid", dtype=h5py.string_dtype("ascii", len("UnstructuredGrid")))
@@ -142,6 +151,7 @@ class VtkHdfRecorder(Recorder):
         frame = sum(np.prod(s.shape[1:], dtype=np.int64) * s.dtype.itemsize * rows for s, rows in self._series.values())
         room = max(_FIRST_ROOM, 2 * self._room)
         room = min(room, self._room + max(_FIRST_ROOM, int(_LARGEST_GROWTH // max(int(frame), 1))))
+        self._reserve(int(frame) * (room - self._room))
         for series, rows in self._series.values():
             series.resize(room * rows, axis=0)
         first = np.arange(self._room, room, dtype=np.int64) * self._drawn  # point of each frame
@@ -157,6 +167,25 @@ class VtkHdfRecorder(Recorder):
             self._series[name][0][self._room : room] = ahead
         self._file.flush()
         self._room = room
+
+    def _reserve(self, size: int) -> None:
+        """Have the disk promise so many bytes more, and what tables take. Raises OSError while the file is still whole."""
+        assert self._file is not None
+        self._file.flush()
+        _ask_for(self._path, os.path.getsize(self._path) + size + _TABLES)
+
+
+def _ask_for(path: Path, size: int) -> None:
+    """Make room on the disk for a file of ``size`` bytes, where the system can. Raises OSError."""
+    if not hasattr(os, "posix_fallocate"):
+        return
+    with open(path, "ab") as file:
+        try:
+            os.posix_fallocate(file.fileno(), 0, size)
+        except OSError as error:
+            if error.errno in (errno.EINVAL, errno.EOPNOTSUPP):  # a file system that makes no promises
+                return
+            raise
 
 
 def _cells(shapes: list[Shape], points: int) -> tuple[list[np.ndarray], np.ndarray, np.ndarray, int]:
