@@ -67,12 +67,21 @@ def test_resumed_run_has_the_same_bits(killed: Path, name: str) -> None:
     assert resumed == whole
 
 
-@pytest.mark.parametrize("solver", ["ica", "anticipation"])
-def test_the_solvers_of_the_paper_resume_as_well(solver: str, tmp_path: Path) -> None:
-    first = turnbuckle.Simulation(pile(solver=solver))
+@pytest.mark.parametrize(
+    ("options", "fields"),
+    [({"solver": "ica"}, {}), ({"solver": "anticipation"}, {}), ({"newton": 2}, {}), ({}, {"integrator": "newmark"})],
+)
+def test_other_solvers_and_schemes_resume_as_well(options: dict, fields: dict, tmp_path: Path) -> None:
+    def made() -> turnbuckle.Scene:
+        scene = pile(**options)
+        for name, value in fields.items():
+            scene.apply_set(f"{name}={value}")
+        return scene
+
+    first = turnbuckle.Simulation(made())
     first.run(20 * DT)
     save(tmp_path / "a.ckpt", first.model, first.state)
-    second = turnbuckle.Simulation(pile(solver=solver))
+    second = turnbuckle.Simulation(made())
     load(tmp_path / "a.ckpt", second.model, second.state)
     for simulation in (first, second):
         simulation.run(5 * DT)
