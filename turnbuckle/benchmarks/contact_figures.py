@@ -44,6 +44,9 @@ def scaling_figure(solvers: Sequence[Points], meshes: Sequence[Points], method: 
         axes.set_xscale("log")
         axes.set_yscale("log")
         axes.set_xlabel("contacts")
+        if axes.has_data():  # whole decades, so that each axis has numbers to read
+            for ends, bounds in ((axes.get_xlim(), axes.set_xlim), (axes.get_ylim(), axes.set_ylim)):
+                bounds(10.0 ** np.floor(np.log10(ends[0])), 10.0 ** np.ceil(np.log10(ends[1])))
         axes.xaxis.set_major_formatter("{x:g}")
         axes.yaxis.set_major_formatter("{x:g}")
         tidy(axes)
