@@ -13,7 +13,7 @@ from turnbuckle.solvers.contact.ica import solve_ica
 from turnbuckle.step.contact_closing import Closing, Motion
 from turnbuckle.step.contact_dynamics import Prescribed
 from turnbuckle.step.contact_equality import split
-from turnbuckle.step.contact_limits import Limits
+from turnbuckle.step.contact_limits import Limits, stacked
 from turnbuckle.step.contact_rows import contact_rows, frames
 
 if TYPE_CHECKING:
@@ -117,7 +117,7 @@ class Attempt:
         others, floors = self.other_rows(self.arms)
         if len(floors) == 0:
             return problem
-        j = sp.vstack([problem.j, *others], format="bsr")
+        j = stacked([problem.j, *others])
         friction = np.concatenate([problem.friction, np.zeros(len(floors))])
         return replace(problem, j=j, floor=np.concatenate([problem.floor, floors]), friction=friction)
 

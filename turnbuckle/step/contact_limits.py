@@ -93,3 +93,13 @@ class Limits:
         new = np.setdiff1d(np.flatnonzero(over > 0.0), self.used)
         self._take(new, d)
         return False
+
+
+def stacked(parts: list[sp.bsr_array]) -> sp.bsr_array:
+    """Matrices of 3 x 3 blocks below each other."""
+    counts = np.cumsum([0, *(len(p.indices) for p in parts)])
+    indptr = np.concatenate([[0], *(p.indptr[1:] + first for p, first in zip(parts, counts, strict=False))])
+    data = np.concatenate([p.data.reshape(-1, 3, 3) for p in parts])
+    indices = np.concatenate([p.indices for p in parts]).astype(np.int32)
+    rows = sum(p.shape[0] for p in parts)
+    return sp.bsr_array((data, indices, indptr.astype(np.int32)), shape=(rows, parts[0].shape[1]))

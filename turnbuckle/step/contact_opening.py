@@ -24,6 +24,8 @@ from turnbuckle.step.contact_rows import PointMap, frames
 
 PATIENCE = 200  # steps without fewer crossings
 RINGS = 3  # of neighbours at crossings of open sheets
+THIN = 0.5  # of its next larger extent: what two bodies share is flat
+SURE = 0.3  # of all crossings must agree on the side
 FLAT = 0.05  # of a unit vector: directions that are shorter are none
 
 
@@ -48,7 +50,10 @@ class Opening:
         self.found = self.intersections.find(s)
         if len(self.found):
             self._place(s)
-            self._take_sides()
+            self._take_sides(s)
+            size = np.linalg.norm(self.towards, axis=1)
+            self.used = np.flatnonzero(size > FLAT)
+            self.direction = self.towards[self.used] / size[self.used, None]
         return len(self.found)
 
     @property
@@ -91,9 +96,7 @@ class Opening:
         direction = normal - own
         both = (self.shape_a == self.shape_b) | ~(closed_a | closed_b)
         direction[both] = self._shorter(s, e, beside, sides, normal, place)[both]
-        size = np.linalg.norm(direction, axis=1)
-        self.used = np.flatnonzero(size > FLAT)
-        self.direction = direction[self.used] / size[self.used, None]
+        self.towards, self.place = direction, place
 
     def _shorter(
         self, s: np.ndarray, e: np.ndarray, beside: np.ndarray, sides: np.ndarray, normal: np.ndarray, place: np.ndarray
@@ -118,7 +121,7 @@ class Opening:
         slope = np.where(np.abs(slope) < FLAT, np.where(slope < 0.0, -FLAT, FLAT), slope)
         return total - (np.einsum("kd,kd->k", along, total) / slope)[:, None] * normal
 
-    def _take_sides(self) -> None:
+    def _take_sides(self, s: np.ndarray) -> None:
         """Vertices that are on the wrong side, for each pair of shapes that cross."""
         surfaces, n = self.surfaces, self.surfaces.vertices
         a, b = np.minimum(self.shape_a, self.shape_b), np.maximum(self.shape_a, self.shape_b)
@@ -133,12 +136,28 @@ class Opening:
             wrong[self.vertices[here].ravel()] = True
             self.near_both[p] = first == second or not (self.closed[first] or self.closed[second])
             if not self.near_both[p]:
-                wrong |= self._cut_off(np.unique(self.found[here, 0]), (first, second))
+                cut = self._cut_off(np.unique(self.found[here, 0]), (first, second))
+                wrong |= cut
+                self._along_thin_side(np.flatnonzero(here), self.shape_a[here] == first, s[cut])
             for _ in range(RINGS if self.near_both[p] else 1):
                 more = wrong.copy()
                 more[self._ends[wrong[self._ends[:, 0]], 1]] = True
                 wrong = more
             self.wrong[p] = wrong & np.isin(surfaces.shape, (first, second))
+
+    def _along_thin_side(self, here: np.ndarray, first: np.ndarray, inside: np.ndarray) -> None:
+        """Crossings of two bodies part along the thin side of what they share, where it has one.
+
+        ``here``: crossings; ``first``: whether their edges are those of the first body; ``inside`` (n, 3): what is cut off.
+        """
+        points = np.concatenate([self.place[here], inside])
+        _, axes = np.linalg.eigh(np.cov(points.T, bias=True))
+        thin, wide = np.ptp(points @ axes[:, :2], axis=0)
+        side = np.where(first, 1.0, -1.0)
+        along = self.towards[here] @ axes[:, 0]
+        votes = float(side @ along)
+        if thin < THIN * wide and abs(votes) > SURE * np.abs(along).sum():
+            self.towards[here] = np.sign(votes) * side[:, None] * axes[:, 0]
 
     def _cut_off(self, crossing: np.ndarray, shapes: tuple[int, int]) -> np.ndarray:
         """Vertices of both shapes that edges which cross nothing do not join to most of their shape."""

@@ -15,6 +15,7 @@ from turnbuckle.data.contact import ContactProblem
 from turnbuckle.step.contact_equality import point_rows
 from turnbuckle.step.contact_joint_looks import look_up
 from turnbuckle.step.contact_joints import ContactJoints
+from turnbuckle.step.contact_limits import stacked
 from turnbuckle.step.contact_rows import contact_rows
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ def _on_contacts(attempt: "Attempt", ahead: np.ndarray) -> np.ndarray:
     arms = stepper.dynamics.arms_of(attempt.x1, attempt.bx1)
     j = contact_rows(stepper.surfaces, contacts, attempt.frame[: contacts.count], arms, stepper.map)
     others, _ = attempt.other_rows(arms)
-    j = sp.vstack([j, *others], format="bsr") if others else j
+    j = stacked([j, *others]) if others else j
     touching = np.flatnonzero(push)
     problem = ContactProblem(
         a=attempt.a, free=ahead.ravel(), j=_blocks(j, touching), floor=np.zeros(len(touching)),
