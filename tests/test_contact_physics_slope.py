@@ -127,3 +127,26 @@ def test_sliding_converges_with_the_first_order() -> None:
         errors.append(abs(float(way @ np.array([0.6, 0.8])) - wanted))
     assert errors[0] < 0.06 * wanted
     assert errors[1] < 0.35 * errors[0] and errors[2] < 0.35 * errors[1]
+
+
+@pytest.mark.parametrize("kind", ["rigid", "soft"])
+def test_dynamic_friction_holds_on_a_floor_of_many_triangles(kind: str) -> None:
+    """A body that slides meets new triangles in every step; its friction stays that of sliding."""
+    n, dt = 80, 0.01
+    line = np.linspace(-0.9, 1.1, n + 1)
+    x, y = (a.ravel() for a in np.meshgrid(line, line + 0.003, indexing="ij"))
+    corner = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
+    halves = [np.stack([corner, corner + n + 1, corner + n + 2], 1), np.stack([corner, corner + n + 2, corner + 1], 1)]
+    scene = turnbuckle.Scene("fine", dt=dt, contact={"friction": 0.5, "dynamic_friction": 0.3, "delta": 1e-3})
+    scene.add_obstacle("floor", vertices=np.stack([x, y, 0.0 * x], 1), triangles=np.concatenate(halves))
+    if kind == "rigid":
+        scene.add_rigid("block", box=[0.1, 0.1, 0.05], position=[0.0, 0.0, 0.0261], velocity=[1.5, 0.2, 0.0])
+    else:
+        box = {"size": [0.1, 0.1, 0.05], "cells": [2, 2, 1]}
+        at = {"position": [-0.05, -0.05, 0.0011], "velocity": [1.5, 0.2, 0.0]}
+        scene.add_solid("block", box=box, youngs_modulus=1e5, damping=0.01, **at)
+    sim = turnbuckle.Simulation(scene)
+    step_well(sim, 10)
+    first = np.linalg.norm(speed(sim, "block"))
+    step_well(sim, 15)
+    assert first - np.linalg.norm(speed(sim, "block")) == pytest.approx(0.3 * G * 0.15, rel=0.05)

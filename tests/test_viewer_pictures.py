@@ -256,7 +256,9 @@ def test_a_single_picture_shows_what_has_moved_away(tmp_path):
     """The camera of the last frame alone is not held back by where the scene began, nor by frames flushed between."""
     shapes, x = _scene()
     target = tmp_path / "last.png"
-    with open_picture(target, shapes, up_axis="Z", frames_per_second=30, size=SIZE, title=False, engine="pillow") as out:
+    with open_picture(
+        target, shapes, up_axis="Z", frames_per_second=30, size=SIZE, title=False, engine="pillow"
+    ) as out:
         for k in range(3):
             out.write(0.1 * k, x + [20.0 * k, 0, 0], np.zeros_like(x))
             out.flush()

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 NEAR = 0.8  # of delta: contacts nearer than this are let apart; between, they stay, since parting costs energy
 RECOVERED = 0.2  # part of what a contact is too near by that a step gives back
+SLIDING = 10.0  # of the tolerance: tangential speeds at the start beyond which a contact slides
 LEAST = 1e-9  # [m/s] the smallest tolerance
 PART = 0.25  # of delta: a motion in a step that the tolerance is a part of, where gravity does less
 ROUGH = 10.0  # times the tolerance, while contacts are still being found
@@ -177,6 +178,7 @@ class Attempt:
             self.impulse = np.concatenate([self.impulse, known])
             sides = surfaces.shape[fresh.vertices[:, 0]], surfaces.shape[fresh.vertices[:, 3]]
             mu = surfaces.friction[sides[0], sides[1]]
+            slid |= self._slides(fresh)
             self.friction = np.concatenate([self.friction, np.where(slid, mu[:, 1], mu[:, 0])])
         gap = np.einsum("mk,mkd,md->m", contacts.coefficients, self.s0[contacts.vertices], contacts.normal)
         delta = stepper.detector.deltas(contacts.kind, contacts.a, contacts.b)
@@ -192,6 +194,13 @@ class Attempt:
             floor=floor, friction=self.friction, pairs=stepper.dynamics.pairs,
             fixed=self.prescribed.fixed, load=None if self.load is None else self.load.ravel(),
         )  # fmt: skip
+
+    def _slides(self, contacts: Contacts) -> np.ndarray:
+        """Whether the places of contacts pass each other at the start (m,): a pair that is new may be of bodies that slid."""
+        speeds = self.stepper.surfaces.positions(self.v0[: self.stepper.model.points])
+        u = np.einsum("mk,mkd->md", contacts.coefficients, speeds[contacts.vertices])
+        u -= np.einsum("md,md->m", u, contacts.normal)[:, None] * contacts.normal
+        return np.linalg.norm(u, axis=1) > SLIDING * self.tolerance
 
     def _solved(self, problem: ContactProblem, start: np.ndarray) -> ContactSolution:
         """By the solver that the scene names."""
