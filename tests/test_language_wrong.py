@@ -26,7 +26,7 @@ object f type coating; around b; thickness .1; end
 force on b; push "sin(t)" 0 "-m"; torque 0 0 1; at 0 0 1; end
 constraint object1 a; object2 b; hinge 0 0 0 0 0 0; axial 0 0 1 min -1 max 1; motor axial target-velocity 1; end
 constraint object2 b; angle 1 0 0 1 0 0 min 0 max .1; twist 0 1 0 0 1 0 about 1 0 0 1 0 0 max .2; from 0; until 2; end
-constraint object1 a; object2 c; curve (0 0 0) (0 0 1) (0 1 1) interpolation spline closed; enabled no; end
+constraint object1 b; object2 c; curve (0 0 0) (0 0 1) (0 1 1) interpolation spline closed; enabled no; end
 constraint type revolute; name r; object1 b; object2 c; anchor 0 0 0; axis 0 0 1; lower-limit -1; break-force 9; end
 constraint type nail; points of d index 0; points of d side +x thickness .1; goal times 0 1 positions (0 0 0) (1 0 0); end
 constraint type points_to_point; groups (of d index 4) (of e index 0); end
