@@ -24,6 +24,7 @@ start_warp()
 wp.set_module_options({"enable_backward": False})
 
 SMALL = 512  # items below which a launch is not worth cutting
+CROWDED = 1.5  # processes that want to run, for each processor: above, a step runs on one thread
 PARALLEL = 8192  # a program whose largest launch is smaller runs on one thread: meeting costs more than it saves
 
 
@@ -76,11 +77,17 @@ def stamp(begin: int, slot: int, ticks_out: wp.array(dtype=wp.float64)):
 
 
 def default_threads() -> int:
-    """Threads a CPU step may use: ``TURNBUCKLE_THREADS``, else the processors this process may run on, at most 8."""
+    """Threads a CPU step may use: ``TURNBUCKLE_THREADS``, else the processors this process may run on, at most 8.
+
+    One where others keep the processors more than busy: threads that meet at barriers would wait for their turn there.
+    """
     asked = os.environ.get("TURNBUCKLE_THREADS", "")
     if asked.isdigit() and int(asked) > 0:
         return int(asked)
-    return min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1, 8)
+    processors = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    if hasattr(os, "getloadavg") and os.getloadavg()[0] > CROWDED * processors:
+        return 1
+    return min(processors, 8)
 
 
 class _Worker:

@@ -98,7 +98,7 @@ class Attempt:
                 start = np.concatenate([start, self.limits.impulse, np.zeros((len(self.parting), 3))])
             with stepper.timed("contact_solve"):
                 found = self._solved(problem, start)
-            if not np.isfinite(found.velocity).all():
+            if "diverged" in found.message or not np.isfinite(found.velocity).all():  # halve the step (Contact, 5.6)
                 return None
             for name, count in found.iterations.items():
                 self.iterations[name] = self.iterations.get(name, 0) + count
