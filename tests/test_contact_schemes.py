@@ -35,7 +35,7 @@ def test_a_thrown_box_slides_as_far_as_friction_says(integrator: str) -> None:
     assert simulation.center("box")[0] - 0.5 == pytest.approx(way, rel=0.03)
     assert np.abs(np.concatenate(simulation.velocity("box"))).max() < 2e-3  # at rest: no scheme shows a false speed
     still = np.abs(simulation.velocities("cloth")).max()
-    assert still < (6e-3 if integrator == "verlet" else 2e-3)  # v of Verlet is that of one step ago, as printed
+    assert still < (0.6 * 9.81 * simulation.dt if integrator == "verlet" else 2e-3)  # v of Verlet is that of one step ago, as printed
     assert simulation.positions("cloth")[:, 2].min() > 3e-3
 
 
@@ -102,11 +102,11 @@ def test_newton_iterations_converge_quadratically() -> None:
     k, left = 2000.0, []
     for newton in (1, 2, 3, 4):
         simulation = _pendulum("implicit_euler", 0.02, newton, k)
-        v0 = simulation.velocities("rod").copy()
-        v0[1] = [0.0, 3.0, -2.0]
-        simulation.state.set_velocities(v0)
+        v = np.array(simulation.velocities())
+        v[1] = [0.0, 3.0, -2.0]
+        simulation.state.set_velocities(v)
         assert simulation.step().status == "ok"
-        left.append(_missed(simulation, v0[1], k))
+        left.append(_missed(simulation, v[1], k))
     assert left[0] > 1e-2
     exponents = [np.log(b / a) / np.log(a / c) for c, a, b in zip(left, left[1:], left[2:], strict=False) if b > 1e-9]
     assert left[3] < 1e-6 * left[0], left
@@ -118,7 +118,7 @@ def test_impacts_never_gain_energy(integrator: str) -> None:
     scene = turnbuckle.Scene("fall", dt=2e-3, integrator=integrator, contact={"delta": 4e-3, "friction": 0.3})
     scene.add_obstacle("ground", plane=[4, 4])
     scene.add_solid(
-        "soft", box={"size": [0.2, 0.2, 0.2], "cells": [1, 1, 1]}, position=[0, 0, 0.03], youngs_modulus=1e4,
+        "soft", box={"size": [0.2, 0.2, 0.2], "cells": [1, 1, 1]}, position=[0, 0, 0.1], youngs_modulus=1e4,
         poissons_ratio=0.3, density=300.0, rotation=[0.3, 0.2, 0], velocity=[0.3, 0, -0.5],
     )  # fmt: skip
     scene.add_rigid("ball", sphere=0.05, position=[1, 0, 0.08], density=500.0, velocity=[0.4, 0, -1.0])

@@ -1,12 +1,17 @@
 """Turnbuckle: exact constrained dynamics of deformable and rigid bodies.
 
 `Scene` is what is simulated, `run_scene` simulates it with recordings and a report, `Simulation` step by step.
+Contact on arrays, for time steppers of one's own: `turnbuckle.step.contact_tools`.
 """
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from turnbuckle.contact.ccd_bulk import time_of_impact
+    from turnbuckle.contact.intersections import intersections
+    from turnbuckle.contact.surface import SurfacePart, make_surfaces
+    from turnbuckle.data.contact import ContactProblem, Contacts, ContactSolution, Surfaces
     from turnbuckle.data.errors import ConflictError, InputError, StepError, TurnbuckleError
     from turnbuckle.data.model import Model
     from turnbuckle.data.report import RunReport, StepReport
@@ -20,6 +25,7 @@ if TYPE_CHECKING:
     from turnbuckle.run.pose import pose
     from turnbuckle.run.run import run_scene
     from turnbuckle.scene.scene import Scene
+    from turnbuckle.step.contact_tools import ContactDetector, contact_problem, refine_contacts, solve_contact
     from turnbuckle.step.simulation import Simulation
     from turnbuckle.step.step import Stepper
     from turnbuckle.sweeps.sweep import SweepResult, sweep
@@ -30,6 +36,10 @@ __version__ = "0.1.0"
 _HOMES = {
     "AssemblyReport": "run.assembly_report",
     "ConflictError": "data.errors",
+    "ContactDetector": "step.contact_tools",
+    "ContactProblem": "data.contact",
+    "ContactSolution": "data.contact",
+    "Contacts": "data.contact",
     "Imported": "io.imported",
     "InputError": "data.errors",
     "Model": "data.model",
@@ -40,20 +50,31 @@ _HOMES = {
     "StepError": "data.errors",
     "StepReport": "data.report",
     "Stepper": "step.step",
+    "SurfacePart": "contact.surface",
+    "Surfaces": "data.contact",
     "SweepResult": "sweeps.sweep",
     "TurnbuckleError": "data.errors",
     "assemble": "run.assemble",
     "export_recording": "run.export_recording",
     "export_scene": "io.usd_export",
     "import_scene": "io.importing",
+    "contact_problem": "step.contact_tools",
+    "intersections": "contact.intersections",
+    "make_surfaces": "contact.surface",
     "pose": "run.pose",
+    "refine_contacts": "step.contact_tools",
     "run_scene": "run.run",
+    "solve_contact": "step.contact_tools",
     "sweep": "sweeps.sweep",
+    "time_of_impact": "contact.ccd_bulk",
 }
 
 __all__ = [
-    "AssemblyReport", "ConflictError", "Imported", "InputError", "Model", "RunReport", "Scene", "Simulation", "State", "StepError",
-    "StepReport", "Stepper", "SweepResult", "TurnbuckleError", "assemble", "export_recording", "export_scene", "import_scene", "pose", "run_scene", "sweep",
+    "AssemblyReport", "ConflictError", "ContactDetector", "ContactProblem", "ContactSolution", "Contacts", "Imported",
+    "InputError", "Model", "RunReport", "Scene", "Simulation", "State", "StepError", "StepReport", "Stepper", "SurfacePart",
+    "Surfaces", "SweepResult", "TurnbuckleError", "assemble", "contact_problem", "export_recording", "export_scene",
+    "import_scene", "intersections", "make_surfaces", "pose", "refine_contacts", "run_scene", "solve_contact", "sweep",
+    "time_of_impact",
 ]  # fmt: skip
 
 

@@ -155,6 +155,12 @@ class Attempt:
         full = self.solve(self.solved)
         return self.solved if full is None else self.crossed(full)
 
+    def touching(self) -> np.ndarray:
+        """Which rows of the last solution push, or are at what they ask for (m,) bool."""
+        assert self.solution is not None
+        above = (self.problem.j @ self.v.ravel())[::3] - self.problem.floor
+        return (self.solution.impulse[:, 0] > 0.0) | (above <= self.tolerance)
+
     def near(self) -> Contacts:
         """What is near at the start."""
         found = self.stepper.detector.near(self.s0)

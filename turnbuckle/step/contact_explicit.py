@@ -101,7 +101,11 @@ class Explicit(ContactScheme):
         assert solution is not None
         late = self.stepper.state.script_delay > 0.0 or self.stepper.dynamics.waiting
         waits = late and bool(self.stepper.model.rigid.trajectories)
-        return not (solution.impulse.any() or solution.equality.any() or waits)
+        if solution.impulse.any() or solution.equality.any() or waits:
+            return False
+        touching = attempt.touching()
+        ahead = attempt.problem.j @ self.end(attempt).ravel()
+        return not (ahead[::3][touching] < -attempt.tolerance).any()
 
     def leave(self, attempt: "Attempt") -> StepReport:
         """Commit the step of the scheme; scripted points go exactly where their script has them."""

@@ -1,7 +1,7 @@
 """Velocities that end a step, put on what touches: RATTLE's second multiplier (Andersen 1983) for contacts.
 
 Where the mean velocity u of a step is not the velocity at its end, a body that rests would show one: ``v* + (u - u*)`` of
-Newmark alternates. So contacts that push in the step keep what touches from approaching at its end, too, with friction of
+Newmark alternates. So contacts that push in the step, or end it at their distance, keep what touches from approaching at its end, too, with friction of
 their own (Moreau's impacts, without restitution), and equality rows hold at the level of velocities.
 """
 
@@ -35,7 +35,7 @@ def end_velocities(attempt: "Attempt") -> np.ndarray:
 def _on_contacts(attempt: "Attempt", ahead: np.ndarray) -> np.ndarray:
     stepper = attempt.stepper
     assert attempt.solution is not None
-    push = attempt.solution.impulse[:, 0] > 0.0
+    push = attempt.touching()
     e, wanted = _rows(attempt)
     if not push.any() and (e is None or e.shape[0] == 0):
         return ahead
