@@ -3,6 +3,8 @@
 import json
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 from pathlib import Path
@@ -211,3 +213,25 @@ def test_a_run_whose_folder_is_out_of_reach_sends_its_files(tmp_path: Path) -> N
     assert execute(far) == {"status": "far"}
     outcome = execute({**far, "files": files})
     assert outcome["status"] == "done" and set(outcome["files"]) == {"outcome.json", "report.json", "recording.npz"}
+
+
+def test_ctrl_c_leaves_no_process_and_the_same_command_goes_on(tmp_path: Path) -> None:
+    hanging(duration=20.0).save(tmp_path / "slow.yaml")
+    command = [sys.executable, "-m", "turnbuckle", "sweep", "slow.yaml", "--vary", "bodies.rope.damping=0:1:2"]
+    environment = {**os.environ, "PYTHONPATH": str(Path(turnbuckle.__file__).parents[1])}
+    process = subprocess.Popen(
+        [*command, "--processes", "1"], cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True
+    )
+    until = time.monotonic() + 60
+    while not (attempts := list(tmp_path.glob("sweep_hanging/runs/*/attempt-*"))) and time.monotonic() < until:
+        time.sleep(0.02)
+    worker = int(attempts[0].name.split("-")[-2])
+    process.send_signal(signal.SIGINT)
+    assert process.stderr is not None
+    told = process.stderr.read()
+    assert process.wait(timeout=30) == 130 and "stopped" in told and "Traceback" not in told
+    with pytest.raises(ProcessLookupError):
+        os.kill(worker, 0)
+    assert not list(tmp_path.glob("sweep_hanging/runs/*/attempt-*")) and not list(
+        tmp_path.glob("sweep_hanging/runs/*/result")
+    )

@@ -11,7 +11,9 @@ from pathlib import Path
 import pytest
 
 import turnbuckle
-from turnbuckle.data.errors import InputError
+from turnbuckle.data.errors import InputError, StepError
+from turnbuckle.io import read_recording
+from turnbuckle.sweeps.job import execute
 from turnbuckle.sweeps.plan import read_json
 
 pytest.importorskip("distributed")
@@ -46,7 +48,7 @@ class Cluster:
         return subprocess.Popen(
             [sys.executable, "-m", f"distributed.cli.{what}", *words, "--scheduler-file", str(self.file)],
             cwd=self.folder,
-            env={**os.environ, "PYTHONPATH": str(ROOT), "TURNBUCKLE_THREADS": "1"},
+            env={**os.environ, "PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'tests'}", "TURNBUCKLE_THREADS": "1"},
             stdout=self.log,
             stderr=self.log,
         )
@@ -104,3 +106,43 @@ def test_no_scheduler_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     for address in ("tcp://127.0.0.1:9", "nonsense://x", "tcp://127.0.0.1:99999999", ""):
         with pytest.raises(InputError, match="--cluster"):
             turnbuckle.sweep(rope, {"damping": [0.1]}, out=tmp_path / "out", cluster=address)
+
+
+@pytest.mark.slow
+def test_a_scheduler_that_is_lost_keeps_what_is_done(tmp_path: Path, cluster: Cluster) -> None:
+    """The same sweep goes on without it, in processes of this machine."""
+
+    def kill_scheduler(ended: int, total: int, failed: int) -> None:
+        if ended == 2:
+            cluster.scheduler.kill()
+
+    damping = [round(0.1 * n, 1) for n in range(4)]
+    with pytest.raises(StepError, match="the scheduler was lost; run the same again to go on"):
+        turnbuckle.sweep(
+            rope, {"damping": damping}, out=tmp_path / "out", cluster=cluster.address, progress=kill_scheduler
+        )
+    done = [read_json(f / "result" / "outcome.json") for f in (tmp_path / "out" / "runs").iterdir()]
+    assert sum(bool(one) for one in done) >= 2
+    result = turnbuckle.sweep(rope, {"damping": damping}, out=tmp_path / "out", processes=1)
+    assert [run.status for run in result.runs] == ["done"] * 4
+    began = {run.outcome["began"] for run in result.runs}
+    assert {one["began"] for one in done if one} <= began
+
+
+@pytest.mark.slow
+def test_workers_without_our_folder_get_the_scene_and_send_the_files(
+    tmp_path: Path, cluster: Cluster, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They see the folder here, so the first answer, that it is out of reach, is made up."""
+    monkeypatch.setattr("turnbuckle.sweeps.cluster.execute", far_away)
+    result = turnbuckle.sweep(
+        rope, {"damping": [0.1, 0.2]}, out=tmp_path / "out", cluster=cluster.address, record=["npz"]
+    )
+    assert [run.status for run in result.runs] == ["done"] * 2
+    for run in result.runs:
+        assert sorted(p.name for p in run.result.iterdir()) == ["outcome.json", "recording.npz", "report.json"]
+        assert len(read_recording(run.result / "recording.npz")) == 61 and run.report["steps"] == 1000
+
+
+def far_away(job: dict) -> dict:
+    return execute({**job, "folder": job["folder"] + "-out-of-reach"})

@@ -1,5 +1,7 @@
 """Runs on the workers of a Dask scheduler that the user runs."""
 
+import contextlib
+import logging
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -27,6 +29,11 @@ def run_cluster(jobs: Sequence[Job], address: str) -> Iterator[tuple[int, Outcom
         client = Client(address, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
         raise InputError(f"--cluster {address}: there is no Dask scheduler ({error or 'no answer'})") from None
+    lost = f"--cluster {address}: the scheduler was lost; run the same again to go on"
+    # What is lost is told in a sentence; Dask would print the traceback of its attempts to reconnect.
+    loggers = {logging.getLogger(name): logging.getLogger(name).level for name in ("distributed", "distributed.client")}
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL)
     futures: dict[Future, int] = {}
     try:
         for number, job in enumerate(jobs):
@@ -34,6 +41,8 @@ def run_cluster(jobs: Sequence[Job], address: str) -> Iterator[tuple[int, Outcom
         left, ending = len(jobs), as_completed(list(futures), loop=client.loop)
         for future in ending:
             number = futures[future]
+            if future.status in ("cancelled", "lost"):  # nobody here cancels while runs are waited for
+                raise StepError(lost)
             outcome = _outcome(future, jobs[number])
             if outcome["status"] == FAR:  # no file system in common: the files travel
                 folder = Path(jobs[number]["folder"])
@@ -45,12 +54,15 @@ def run_cluster(jobs: Sequence[Job], address: str) -> Iterator[tuple[int, Outcom
             left -= 1
             yield number, outcome
         if left:
-            raise StepError(f"--cluster {address}: the scheduler was lost; run the same again to go on")
+            raise StepError(lost)
     except OSError:  # of communication
-        raise StepError(f"--cluster {address}: the scheduler was lost; run the same again to go on") from None
+        raise StepError(lost) from None
     finally:
-        client.cancel(list(futures))
-        client.close(timeout=PATIENCE)
+        with contextlib.suppress(OSError, TimeoutError):
+            client.cancel(list(futures))
+            client.close(timeout=PATIENCE)
+        for logger, level in loggers.items():
+            logger.setLevel(level)
 
 
 def _outcome(future: "Future", job: Job) -> Outcome:
