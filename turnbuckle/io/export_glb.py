@@ -38,7 +38,7 @@ def write_glb(
     glb = _Glb()
     start = float(times[frames[0]]) if len(frames) else 0.0
     seconds = glb.accessor(np.array([times[f] - start for f in frames], dtype=np.float32), "SCALAR", bounds=True)
-    root = {"name": "turnbuckle", "children": []}
+    root: dict[str, Any] = {"name": "turnbuckle", "children": []}
     if up == "Z":
         root["rotation"] = [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]
     glb.nodes.append(root)

@@ -128,9 +128,9 @@ class _Reader:
         for name in self.links:
             if self.carrier[name] == name:
                 self._body(name)
-        for joint in ordered:
-            if joint is not None:
-                self._connect(joint)
+        for moved in ordered:
+            if moved is not None:
+                self._connect(moved)
         self._tell()
         return self.out.finish()
 

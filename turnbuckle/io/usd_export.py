@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import math
 import os
+import re
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +37,8 @@ with contextlib.suppress(ImportError):  # an optional extra
     from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics, Vt
 
 SUFFIXES = (".usd", ".usda", ".usdc")
+SHOWN = 6  # names in a note
+_NOTE = re.compile(r"(\w+) ('.*?'): (.*)")
 
 
 def export_scene(scene: Scene, path: str | os.PathLike[str]) -> list[str]:
@@ -67,7 +70,20 @@ def export_scene(scene: Scene, path: str | os.PathLike[str]) -> list[str]:
     finally:
         with contextlib.suppress(OSError):
             beside.unlink(missing_ok=True)
-    return notes
+    return _gathered(notes)
+
+
+def _gathered(notes: list[str]) -> list[str]:
+    """Notes that say the same of several things, as one with all their names."""
+    names: dict[tuple[str, str], list[str]] = {}
+    for note in notes:
+        found = _NOTE.fullmatch(note)
+        names.setdefault((found[1], found[3]) if found else ("", note), []).append(found[2] if found else "")
+    told = []
+    for (kind, text), all_names in names.items():
+        more = f" and {len(all_names) - SHOWN} more" if len(all_names) > SHOWN else ""
+        told.append(f"{kind} {', '.join(all_names[:SHOWN])}{more}: {text}" if kind else text)
+    return told
 
 
 class _Writer:

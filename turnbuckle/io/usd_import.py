@@ -125,7 +125,8 @@ class UsdReader:
         """A rigid body as its standard attributes say."""
         path = str(prim.GetPath())
         name, frame = self.names[path], self.frames[path]
-        parts, drawn = [], []
+        parts: list[dict[str, Any]] = []
+        drawn: list[dict[str, Any]] = []
         for below in Usd.PrimRange(prim, Usd.TraverseInstanceProxies()):
             if below.IsA(UsdGeom.Gprim) and self.owner(below) == path:
                 collides = below.HasAPI(UsdPhysics.CollisionAPI)

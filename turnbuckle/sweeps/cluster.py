@@ -73,8 +73,8 @@ def _outcome(future: "Future", job: Job) -> Outcome:
             return bring_home(job, outcome) if "files" in outcome else outcome
         except OSError as error:
             return failed(job, f"the folder of the run cannot be written ({error.strerror or error})")
-    error = future.exception() if future.status == "error" else None
-    reason = f"the cluster could not run it ({type(error).__name__ if error else future.status})"
+    cause = future.exception() if future.status == "error" else None
+    reason = f"the cluster could not run it ({type(cause).__name__ if cause else future.status})"
     try:
         return record_failure(job, reason, "look at the log of its workers, which may be short of memory")
     except OSError:

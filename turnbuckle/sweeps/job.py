@@ -112,7 +112,8 @@ def _promote(attempt: Path, result: Path, outcome: Outcome) -> Outcome:
 
 
 def _run(job: Job, scene_file: Path, attempt: Path) -> Outcome:
-    began, kept = time.time(), []
+    began = time.time()
+    kept: list[Simulation] = []
 
     def look(simulation: Simulation, report: StepReport) -> bool:
         kept[:] = [simulation]
@@ -128,7 +129,7 @@ def _run(job: Job, scene_file: Path, attempt: Path) -> Outcome:
             stop=look,
         )
         if result.status != "done":
-            first = result.failures[0] if result.failures else {}
+            first: dict[str, Any] = dict(result.failures[0]) if result.failures else {}
             outcome |= {
                 "status": "failed",
                 "reason": f"{first.get('what', 'the run failed')} (t = {float(first.get('time', 0.0)):.6g} s)",
