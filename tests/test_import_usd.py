@@ -254,3 +254,31 @@ def test_the_command_and_wrong_files(tmp_path: Path) -> None:
     for path in (tmp_path / "a.usda", tmp_path / "no" / "a.usda", tmp_path / "a.step"):
         with pytest.raises(InputError):
             turnbuckle.export_scene(scene, path)
+
+
+def test_attachments_to_rigid_bodies_and_nets_say_where(tmp_path: Path) -> None:
+    """Places in the frame of a rigid body, and vertices of curves that repeat the knots of a net."""
+    scene = turnbuckle.Scene("mixed")
+    scene.add_rigid("brick", box=[1, 1, 1], position=[0, 0, 3], rotation=[0, 0.5, 0], markers=[[0.5, 0.5, 0.5]])
+    scene.add_net("net", size=[1, 1], cells=[2, 2], position=[0, 0, 1])
+    scene.add_rope("rope", start=[0, 0, 4], end=[1, 0, 4], segments=2)
+    corner = {"body": "brick", "index": 0}
+    scene.add_constraint(
+        "points_to_point", "knots", groups=[[{"body": "net", "index": 5}, corner, {"body": "rope", "index": 1}]]
+    )
+    turnbuckle.export_scene(scene, tmp_path / "m.usda")
+    stage = Usd.Stage.Open(str(tmp_path / "m.usda"))
+    parts = [p for p in stage.Traverse() if "Attachment" in p.GetTypeName()]
+    assert sorted(p.GetTypeName() for p in parts) == ["OmniPhysicsVtxVtxAttachment", "OmniPhysicsVtxXformAttachment"]
+    simulation = turnbuckle.Simulation(scene)
+    for prim in parts:
+        source, target = (
+            stage.GetPrimAtPath(prim.GetRelationship(f"omniphysics:src{k}").GetTargets()[0]) for k in (0, 1)
+        )
+        vertex = prim.GetAttribute("omniphysics:vtxIndicesSrc0").Get()[0]
+        assert np.allclose(UsdGeom.PointBased(source).GetPointsAttr().Get()[vertex], simulation.positions("net")[5])
+        if prim.GetTypeName() == "OmniPhysicsVtxXformAttachment":
+            assert target.GetName() == "brick"
+            assert np.allclose(prim.GetAttribute("omniphysics:localPositionsSrc1").Get()[0], [0.5, 0.5, 0.5], atol=1e-6)
+    found = turnbuckle.import_scene(tmp_path / "m.usda")
+    assert found.left_out == [] and found.scene.to_yaml() == scene.to_yaml()

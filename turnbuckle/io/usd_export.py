@@ -25,7 +25,7 @@ from turnbuckle.io.usd import polylines
 from turnbuckle.io.usd_import import MISSING, UsdReader
 from turnbuckle.io.usd_items import DEFINITION, SCENE, keep, seal
 from turnbuckle.io.usd_joint_writer import write_joint
-from turnbuckle.io.usd_point_writer import write_point_constraint
+from turnbuckle.io.usd_point_writer import Written, write_point_constraint
 from turnbuckle.io.usd_shapes import set_pose, write_mesh, write_part
 from turnbuckle.scene.definitions import ObstacleDef, RigidDef, SceneDef
 from turnbuckle.scene.joint_definitions import BodyPairDef
@@ -94,6 +94,7 @@ class _Writer:
         self.notes: list[str] = []
         self.paths: dict[str, str] = {}  # body -> its prim
         self.points: dict[str, str] = {}  # body -> the prim whose points are the body's own
+        self.vertices: dict[str, np.ndarray] = {}  # body -> of each of its points the vertex of that prim
         self.frames: dict[str, Frame] = {}
         UsdGeom.SetStageMetersPerUnit(stage, 1.0)
         UsdPhysics.SetStageKilogramsPerUnit(stage, 1.0)
@@ -139,9 +140,8 @@ class _Writer:
                 keep(prim, DEFINITION, data)
                 seal(prim, self.reader.joint(prim, constraint.name) or {})
             else:
-                prim = write_point_constraint(
-                    self.stage, path, constraint, self.model, self.state, self.points, self.paths, self.notes
-                )
+                places = Written(self.paths, self.frames, self.points, self.vertices)
+                prim = write_point_constraint(self.stage, path, constraint, self.model, self.state, places, self.notes)
                 keep(prim, DEFINITION, data)
             prim.SetDisplayName(constraint.name)
         for kind in ("forces", "skins"):
@@ -203,6 +203,7 @@ class _Writer:
         """A body that deforms, or an obstacle: its geometry at the start, in the world."""
         path, own = str(prim.GetPath()), x[shape.begin : shape.end]
         self.points[d.name] = f"{path}/surface" if len(shape.triangles) else f"{path}/lines"
+        self.vertices[d.name] = np.arange(len(own))
         if len(shape.tetrahedra):
             solid = UsdGeom.TetMesh.Define(self.stage, f"{path}/solid")
             solid.CreatePurposeAttr(UsdGeom.Tokens.guide)
@@ -224,6 +225,8 @@ class _Writer:
             curves.CreateTypeAttr(UsdGeom.Tokens.linear)
             curves.CreateCurveVertexCountsAttr(Vt.IntArray.FromNumpy(counts))
             curves.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(own[order].astype(np.float32)))
+            if self.points[d.name] == f"{path}/lines":  # junctions are there several times: the first counts
+                self.vertices[d.name][order[::-1]] = np.arange(len(order))[::-1]
         if not isinstance(d, ObstacleDef):
             prim.CreateAttribute("turnbuckle:kind", Sdf.ValueTypeNames.Token, custom=True).Set(d.type)
             self.notes.append(f"body '{d.name}': other programs see its geometry; its material is kept for Turnbuckle")

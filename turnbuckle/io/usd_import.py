@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from turnbuckle.data.errors import InputError
 from turnbuckle.io.imported import Frame, Gathering, Imported
-from turnbuckle.io.usd_items import DEFINITION, PREFIX, SCENE, is_unchanged, kept
+from turnbuckle.io.usd_items import DEFINITION, PART_OF, PREFIX, SCENE, is_unchanged, kept
 from turnbuckle.io.usd_joints import JointReader
 from turnbuckle.io.usd_shapes import ALONG, part_of, placed
 
@@ -276,7 +276,7 @@ class UsdReader:
             kind = prim.GetTypeName()
             foreign = any(word in kind for word in ("Attachment", "Tendon", "Joint", "CollisionGroup"))
             foreign = foreign and not prim.IsA(UsdPhysics.Joint)
-            if foreign and kept(prim, DEFINITION) is None:
+            if foreign and kept(prim, DEFINITION) is None and not prim.HasAttribute(PART_OF):
                 other.append(f"{prim.GetPath()} ({kind})")
         self.out.note_all("deformable bodies of other programs have no counterpart", soft)
         self.out.note_all("prims that have no counterpart", other)

@@ -26,6 +26,7 @@ ATTACHMENT = {
     "triangle": "OmniPhysicsVtxTriAttachment",
     "tetrahedron": "OmniPhysicsVtxTetAttachment",
 }
+PART_OF = "turnbuckle:part_of"  # the constraint that a further attachment belongs to
 OURS = "TurnbuckleConstraint"  # what the proposal has no type for
 PREFIX = "omniphysics:"
 

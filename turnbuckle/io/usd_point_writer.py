@@ -1,20 +1,23 @@
 """Constraints of points as attachments, in the words of the deformables proposed for UsdPhysics.
 
-A stiffness of inf is our exact constraint. Indices are those of the points of the body's prim.
+A stiffness of inf is our exact constraint. An attachment is between two prims, so a constraint of several bodies becomes
+one for each pair of them; the first carries the definition, the others say whose part they are.
 """
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from turnbuckle.data.groups import Group
 from turnbuckle.data.model import Model
+from turnbuckle.data.shape import Shape
 from turnbuckle.data.state import State
-from turnbuckle.io.usd_items import ATTACHMENT, OURS, PREFIX
+from turnbuckle.io.imported import Frame
+from turnbuckle.io.usd_items import ATTACHMENT, OURS, PART_OF, PREFIX
 from turnbuckle.scene.definitions import AttachDef, ConstraintBase, NailDef, PointsToPointDef
 
 with contextlib.suppress(ImportError):  # an optional extra
@@ -22,79 +25,105 @@ with contextlib.suppress(ImportError):  # an optional extra
 
 CORNERS = {2: "line", 3: "triangle", 4: "tetrahedron"}
 WORDS = {"triangle": "tri", "tetrahedron": "tet", "line": "crv"}
+Arrays = dict[str, np.ndarray]
+
+
+@dataclass
+class Written:
+    """Where the bodies of a scene are in the stage."""
+
+    bodies: dict[str, str]  # prims of all bodies
+    frames: dict[str, Frame]  # poses of the rigid ones at the start
+    points: dict[str, str]  # prims whose points are those of a soft body
+    vertices: dict[str, np.ndarray]  # point of a soft body -> vertex of that prim
+
+
+@dataclass
+class _Attachment:
+    kind: str  # key of ATTACHMENT
+    src0: str
+    src1: str | None  # None is the world
+    arrays: Arrays
 
 
 def write_point_constraint(
-    stage: Usd.Stage,
-    path: str,
-    d: ConstraintBase,
-    model: Model,
-    state: State,
-    points: Mapping[str, str],
-    bodies: Mapping[str, str],
-    notes: list[str],
+    stage: Usd.Stage, path: str, d: ConstraintBase, model: Model, state: State, written: Written, notes: list[str]
 ) -> Usd.Prim:
-    """Define an attachment; ``points``: prims with the points of soft bodies, ``bodies``: prims of all, by name."""
-    group = state.groups[d.name]
-    written: dict[str, Any] | None = None
+    """Define the attachments of ``d``, the first at ``path``, and return that."""
+    x, group = state.positions(), state.groups[d.name]
+    made: list[_Attachment] | None = None
     if isinstance(d, NailDef):
-        written = _nail(group, model, state)
+        made = _nail(group, model, written, x)
     elif isinstance(d, AttachDef):
-        written = _attach(group, model, state)
+        made = _attach(group, model, state, written, x)
     elif isinstance(d, PointsToPointDef):
-        written = _pairs(group, model)
-    prim = stage.DefinePrim(path, OURS if written is None else ATTACHMENT[written["type"]])
-    _set(prim, "attachmentEnabled", Sdf.ValueTypeNames.Bool, bool(d.enabled))
-    if written is None:
+        made = _pairs(group, model, written, x)
+    if not made:
         notes.append(f"constraint '{d.name}': has no counterpart in USD; it is kept for Turnbuckle")
+        prim = stage.DefinePrim(path, OURS)
+        _set(prim, "attachmentEnabled", Sdf.ValueTypeNames.Bool, bool(d.enabled))
         return prim
-    _set(prim, "stiffness", Sdf.ValueTypeNames.Float, float("inf"))
-    _set(prim, "damping", Sdf.ValueTypeNames.Float, 0.0)
-    for which, name in (("src0", written["src0"]), ("src1", written["src1"])):
-        target = "/World" if name is None else points.get(name, bodies.get(name, "/World"))
-        prim.CreateRelationship(f"{PREFIX}{which}", custom=False).SetTargets([Sdf.Path(target)])
-    for name, values in written["arrays"].items():
-        if values.dtype.kind == "i":
-            _set(prim, name, Sdf.ValueTypeNames.IntArray, Vt.IntArray.FromNumpy(values.astype(np.int32)))
-        else:
-            _set(prim, name, Sdf.ValueTypeNames.Vector3fArray, Vt.Vec3fArray.FromNumpy(values.astype(np.float32)))
-    if written.get("mixed"):
-        notes.append(f"constraint '{d.name}': joins several bodies; other programs see those of the first two")
-    return prim
+    prims = []
+    for number, one in enumerate(made):
+        prim = stage.DefinePrim(path if not number else f"{path}_part_{number}", ATTACHMENT[one.kind])
+        _set(prim, "attachmentEnabled", Sdf.ValueTypeNames.Bool, bool(d.enabled))
+        _set(prim, "stiffness", Sdf.ValueTypeNames.Float, float("inf"))
+        _set(prim, "damping", Sdf.ValueTypeNames.Float, 0.0)
+        if number:
+            prim.CreateAttribute(PART_OF, Sdf.ValueTypeNames.String, custom=True).Set(d.name)
+        for which, name in (("src0", one.src0), ("src1", one.src1)):
+            target = "/World" if name is None else written.points.get(name, written.bodies[name])
+            prim.CreateRelationship(f"{PREFIX}{which}", custom=False).SetTargets([Sdf.Path(target)])
+        for name, values in one.arrays.items():
+            if values.dtype.kind == "i":
+                _set(prim, name, Sdf.ValueTypeNames.IntArray, Vt.IntArray.FromNumpy(values.astype(np.int32)))
+            else:
+                _set(prim, name, Sdf.ValueTypeNames.Vector3fArray, Vt.Vec3fArray.FromNumpy(values.astype(np.float32)))
+        prims.append(prim)
+    return prims[0]
 
 
 def _set(prim: Usd.Prim, name: str, kind: Any, value: Any) -> None:
     prim.CreateAttribute(f"{PREFIX}{name}", kind, custom=False).Set(value)
 
 
-def _body(model: Model, point: int) -> int:
-    """Number of the shape that a point is of."""
-    return int(np.searchsorted([shape.begin for shape in model.shapes], point, side="right") - 1)
+def _shape_numbers(model: Model, points: np.ndarray) -> np.ndarray:
+    """Number of the shape that each point is of."""
+    return np.searchsorted([shape.begin for shape in model.shapes], points, side="right") - 1
 
 
-def _of_one_body(model: Model, chosen: np.ndarray) -> tuple[int, np.ndarray]:
-    """The first point's shape, and a mask of the points that are of it."""
-    first = model.shapes[_body(model, int(chosen[0]))]
-    return model.shapes.index(first), (chosen >= first.begin) & (chosen < first.end)
+def _vertices(shape: Shape, points: np.ndarray, written: Written) -> np.ndarray:
+    """Points of the state as vertices of the prim of a soft body."""
+    return np.asarray(written.vertices[shape.name][points - shape.begin], dtype=np.int64)
 
 
-def _nail(group: Group, model: Model, state: State) -> dict[str, Any] | None:
+def _local(shape: Shape, places: np.ndarray, written: Written) -> np.ndarray:
+    """Places in the world [m] in the frame of a body; soft bodies have that of the world."""
+    frame = written.frames.get(shape.name, Frame()).inverse()
+    return frame.x + frame.turn.apply(np.array(places, dtype=float))
+
+
+def _nail(group: Group, model: Model, written: Written, x: np.ndarray) -> list[_Attachment] | None:
+    """Points held by the world, where they are wanted at the start."""
     chosen = np.asarray(group.points).ravel()
-    if not len(chosen):
-        return None
-    body, mask = _of_one_body(model, chosen)
-    shape = model.shapes[body]
-    places = state.positions()[chosen[mask]]
+    places = x[chosen]
     goal = getattr(group.goal, "values", None)
-    if goal is not None and np.shape(goal) == (len(chosen), 3):
-        places = np.asarray(goal)[mask]
-    arrays = {"vtxIndicesSrc0": chosen[mask] - shape.begin, "localPositionsSrc1": places}
-    return {"type": "world", "src0": shape.name, "src1": None, "arrays": arrays, "mixed": not mask.all()}
+    if goal is not None and np.shape(goal) == places.shape:
+        places = np.asarray(goal)
+    found = []
+    numbers = _shape_numbers(model, chosen)
+    for number in np.unique(numbers):
+        shape, mask = model.shapes[number], numbers == number
+        if shape.name not in written.vertices:
+            return None  # a point of a rigid body in the world: USD has joints for that, and ours says more
+        arrays = {"vtxIndicesSrc0": _vertices(shape, chosen[mask], written), "localPositionsSrc1": places[mask]}
+        found.append(_Attachment("world", shape.name, None, arrays))
+    return found
 
 
-def _attach(group: Group, model: Model, state: State) -> dict[str, Any] | None:
-    table = state.tables.attach
-    rows = np.asarray(group.rows)
+def _attach(group: Group, model: Model, state: State, written: Written, x: np.ndarray) -> list[_Attachment] | None:
+    """Points held in elements of another body, or at places of a rigid one."""
+    table, rows = state.tables.attach, np.asarray(group.rows)
     if not len(rows):
         return None
     count = int(table.count.numpy()[rows][0])
@@ -102,45 +131,64 @@ def _attach(group: Group, model: Model, state: State) -> dict[str, Any] | None:
     weights = -table.weights.numpy()[rows][:, 1:count]
     if count - 1 not in CORNERS:
         return None
-    kind = CORNERS[count - 1]
-    body, mask = _of_one_body(model, corners[:, 0])
-    other, mask1 = _of_one_body(model, corners[mask, 1])
-    mine, theirs = model.shapes[body], model.shapes[other]
-    chosen, weights = corners[mask][mask1], weights[mask][mask1]
-    elements = {"line": theirs.lines, "triangle": theirs.triangles, "tetrahedron": theirs.tetrahedra}[kind]
+    pairs = np.stack([_shape_numbers(model, corners[:, 0]), _shape_numbers(model, corners[:, 1])], axis=1)
+    found = []
+    for a, b in np.unique(pairs, axis=0):
+        mask = (pairs == (a, b)).all(axis=1)
+        mine, theirs = model.shapes[a], model.shapes[b]
+        if mine.name not in written.vertices:
+            return None
+        arrays: Arrays | None = {"vtxIndicesSrc0": _vertices(mine, corners[mask, 0], written)}
+        if theirs.name not in written.vertices:
+            places = np.einsum("nk,nkd->nd", weights[mask], x[corners[mask, 1:]])
+            arrays |= {"localPositionsSrc1": _local(theirs, places, written)}
+            found.append(_Attachment("world", mine.name, theirs.name, arrays))
+            continue
+        inside = _elements(CORNERS[count - 1], theirs, corners[mask, 1:] - theirs.begin, weights[mask])
+        if inside is None:
+            return None
+        found.append(_Attachment(CORNERS[count - 1], mine.name, theirs.name, arrays | inside))
+    return found
+
+
+def _elements(kind: str, shape: Shape, corners: np.ndarray, weights: np.ndarray) -> Arrays | None:
+    """Numbers of the elements, and coordinates in the order of their corners; None for one that is not drawn."""
+    elements = {"line": shape.lines, "triangle": shape.triangles, "tetrahedron": shape.tetrahedra}[kind]
     known = {tuple(sorted(e)): i for i, e in enumerate(elements.tolist())}
-    numbers, coordinates = [], np.zeros((len(chosen), 3))
-    for i, (row, weight) in enumerate(zip((chosen[:, 1:] - theirs.begin).tolist(), weights.tolist(), strict=True)):
-        number = known.get(tuple(sorted(row)), -1)
-        numbers.append(number)
-        order = elements[number].tolist() if number >= 0 else row
-        by_point = dict(zip(row, weight, strict=True))
-        own = [by_point[p] for p in order]
-        coordinates[i, : min(3, len(own))] = own[:3]
-    if min(numbers) < 0:
-        return None  # an element that is not drawn: its number would mean nothing
-    word = WORDS[kind]
-    arrays = {
-        "vtxIndicesSrc0": chosen[:, 0] - mine.begin,
-        f"{word}IndicesSrc1": np.array(numbers, dtype=np.int64),
-        f"{word}CoordsSrc1": coordinates,
-    }
-    mixed = len(chosen) < len(corners)
-    return {"type": kind, "src0": mine.name, "src1": theirs.name, "arrays": arrays, "mixed": mixed}
-
-
-def _pairs(group: Group, model: Model) -> dict[str, Any] | None:
-    """Points joined to one point, as pairs with the first of each."""
-    points, offsets = np.asarray(group.points).ravel(), np.asarray(group.offsets).ravel()
-    pairs = np.array(
-        [(points[i], points[k]) for i, j in zip(offsets[:-1], offsets[1:], strict=True) for k in range(i + 1, j)]
-    )
-    if not len(pairs):
+    numbers = np.array([known.get(tuple(sorted(row)), -1) for row in corners.tolist()], dtype=np.int64)
+    if (numbers < 0).any():
         return None
-    body, mask = _of_one_body(model, pairs[:, 0])
-    other, mask1 = _of_one_body(model, pairs[mask, 1])
-    mine, theirs = model.shapes[body], model.shapes[other]
-    chosen = pairs[mask][mask1]
-    arrays = {"vtxIndicesSrc0": chosen[:, 0] - mine.begin, "vtxIndicesSrc1": chosen[:, 1] - theirs.begin}
-    mixed = len(chosen) < len(pairs)
-    return {"type": "point", "src0": mine.name, "src1": theirs.name, "arrays": arrays, "mixed": mixed}
+    coordinates = np.zeros((len(corners), 3))
+    for i, (row, weight) in enumerate(zip(corners.tolist(), weights.tolist(), strict=True)):
+        by_point = dict(zip(row, weight, strict=True))
+        own = [by_point[p] for p in elements[numbers[i]].tolist()][:3]
+        coordinates[i, : len(own)] = own
+    return {f"{WORDS[kind]}IndicesSrc1": numbers, f"{WORDS[kind]}CoordsSrc1": coordinates}
+
+
+def _pairs(group: Group, model: Model, written: Written, x: np.ndarray) -> list[_Attachment] | None:
+    """Points joined to one point, each as a pair with the first; a point of a rigid body is a place in its frame."""
+    points, offsets = np.asarray(group.points).ravel(), np.asarray(group.offsets).ravel()
+    found_pairs = [
+        (points[i], points[k]) for i, j in zip(offsets[:-1], offsets[1:], strict=True) for k in range(i + 1, j)
+    ]
+    if not found_pairs:
+        return None
+    pairs = np.array(found_pairs, dtype=np.int64)
+    numbers = _shape_numbers(model, pairs.ravel()).reshape(-1, 2)
+    swap = [model.shapes[n].name not in written.vertices for n in numbers[:, 0]]
+    pairs[swap], numbers[swap] = pairs[swap][:, ::-1], numbers[swap][:, ::-1]
+    found = []
+    for a, b in np.unique(numbers, axis=0):
+        mask = (numbers == (a, b)).all(axis=1)
+        mine, theirs = model.shapes[a], model.shapes[b]
+        if mine.name not in written.vertices:
+            return None  # both are rigid
+        arrays = {"vtxIndicesSrc0": _vertices(mine, pairs[mask, 0], written)}
+        if theirs.name in written.vertices:
+            arrays["vtxIndicesSrc1"] = _vertices(theirs, pairs[mask, 1], written)
+            found.append(_Attachment("point", mine.name, theirs.name, arrays))
+        else:
+            arrays["localPositionsSrc1"] = _local(theirs, x[pairs[mask, 1]], written)
+            found.append(_Attachment("world", mine.name, theirs.name, arrays))
+    return found
