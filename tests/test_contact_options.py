@@ -108,7 +108,9 @@ def test_an_intersecting_start_is_refused_by_default_also_after_a_change_by_hand
     assert simulation.step().status == "ok"
     simulation.set_pose("box", [0, 0, 0.03], [0, 0, 0, 1])
     report = simulation.step()
-    assert report.status == "failed" and "'box' and 'ground'" in report.messages[0].replace("'ground' and 'box'", "'box' and 'ground'")
+    assert report.status == "failed" and "'box' and 'ground'" in report.messages[0].replace(
+        "'ground' and 'box'", "'box' and 'ground'"
+    )
     simulation.set_pose("box", [0, 0, 0.06], [0, 0, 0, 1])
     x = np.array(simulation.positions())
     cloth = simulation.model.shape("cloth")

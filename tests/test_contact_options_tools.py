@@ -28,7 +28,9 @@ def _refined(
     found: list[turnbuckle.ContactSolution] = []
 
     def solve(contacts: turnbuckle.Contacts) -> np.ndarray:
-        problem = turnbuckle.contact_problem(surfaces, contacts, s0, v_free, masses, H, DELTA, friction=0.2, fixed=fixed)
+        problem = turnbuckle.contact_problem(
+            surfaces, contacts, s0, v_free, masses, H, DELTA, friction=0.2, fixed=fixed
+        )
         found.append(turnbuckle.solve_contact(problem, solver, tolerance=1e-6))
         assert found[-1].converged
         return surfaces.positions(x + H * found[-1].velocity.reshape(-1, 3))

@@ -114,7 +114,9 @@ class Opening:
             third = corners[np.arange(len(e)), np.argmax((corners[:, :, None] != e[:, None, :]).all(axis=2), axis=1)]
             inwards = s[third] - place
             r = np.cross(sides[:, k], normal)
-            r *= np.sign(np.einsum("kd,kd->k", r, inwards - np.einsum("kd,kd->k", inwards, along)[:, None] * along))[:, None]
+            r *= np.sign(np.einsum("kd,kd->k", r, inwards - np.einsum("kd,kd->k", inwards, along)[:, None] * along))[
+                :, None
+            ]
             size = np.linalg.norm(r, axis=1)
             total += np.where((beside[:, k] >= 0) & (size > FLAT), 1.0 / np.maximum(size, FLAT), 0.0)[:, None] * r
         slope = np.einsum("kd,kd->k", along, normal)
@@ -165,7 +167,9 @@ class Opening:
         kept = np.ones(len(surfaces.edges), dtype=bool)
         kept[crossing] = False
         e = surfaces.edges[kept]
-        _, part = connected_components(sp.coo_array((np.ones(len(e), np.int8), (e[:, 0], e[:, 1])), shape=(n, n)), directed=False)
+        _, part = connected_components(
+            sp.coo_array((np.ones(len(e), np.int8), (e[:, 0], e[:, 1])), shape=(n, n)), directed=False
+        )
         out = np.zeros(n, dtype=bool)
         for shape in shapes:
             mine = np.flatnonzero(surfaces.shape == shape)

@@ -1,10 +1,10 @@
 """Contact on arrays, for time steppers of one's own: the parts of a step, each usable alone.
 
-    surfaces = make_surfaces([SurfacePart(0, support, triangles=faces)], x)     what may touch
-    detector = ContactDetector(surfaces, moves)                                 what is near, what a way crosses
-    problem  = contact_problem(surfaces, contacts, s0, velocity, masses, h)     rows, for points with masses or any A
-    solution = solve_contact(problem, "newton")                                 velocities and impulses
-    refined  = refine_contacts(near, solve, crossed)                            until the way is clear
+surfaces = make_surfaces([SurfacePart(0, support, triangles=faces)], x)     what may touch
+detector = ContactDetector(surfaces, moves)                                 what is near, what a way crosses
+problem  = contact_problem(surfaces, contacts, s0, velocity, masses, h)     rows, for points with masses or any A
+solution = solve_contact(problem, "newton")                                 velocities and impulses
+refined  = refine_contacts(near, solve, crossed)                            until the way is clear
 """
 
 import numpy as np
@@ -45,7 +45,9 @@ def contact_problem(
     """
     free = np.asarray(free, dtype=np.float64)
     if free.ndim != 2 or free.shape[1] != 3 or not (np.isfinite(free).all() and h > 0.0):
-        raise InputError(f"free: expected finite velocities of shape (n, 3) and h > 0, got shape {free.shape} and h = {h}")
+        raise InputError(
+            f"free: expected finite velocities of shape (n, 3) and h > 0, got shape {free.shape} and h = {h}"
+        )
     n = len(free)
     if not isinstance(a, sp.bsr_array):
         masses = np.asarray(a, dtype=np.float64)
