@@ -96,7 +96,9 @@ def write_part(
     stage: Usd.Stage, path: str, part: dict[str, Any], surface: tuple[np.ndarray, np.ndarray] | None
 ) -> None:
     """A part as a prim that collides. ``surface``: vertices and triangles, of what is none of the simple shapes."""
-    frame = Frame(np.array(part.get("position", np.zeros(3))), Rotation.from_rotvec(np.array(part.get("rotation", np.zeros(3)))))
+    frame = Frame(
+        np.array(part.get("position", np.zeros(3))), Rotation.from_rotvec(np.array(part.get("rotation", np.zeros(3))))
+    )
     if part.get("box") is not None:
         prim = UsdGeom.Cube.Define(stage, path)
         prim.CreateSizeAttr(1.0)
