@@ -146,7 +146,7 @@ def test_a_scripted_obstacle_pushes_a_box() -> None:
     assert after["dissipation"] - before["dissipation"] == pytest.approx(wanted, rel=0.02)
 
 
-@pytest.mark.parametrize("kind", ["rigid", "soft"])
+@pytest.mark.parametrize("kind", ["rigid", pytest.param("soft", marks=pytest.mark.slow)])
 def test_three_step_sizes_end_alike(kind: str) -> None:
     """A body thrown against a wall on a floor comes to rest at nearly the same place with 2, 8 and 32 ms."""
     ends = []

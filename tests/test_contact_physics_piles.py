@@ -55,7 +55,7 @@ def test_the_floor_carries_the_weight(kind: str) -> None:
 
 
 @pytest.mark.xfail(reason="impulses of piles are found anew in every step, to the tolerance only")
-@pytest.mark.parametrize("kind", ["rigid", "soft"])
+@pytest.mark.parametrize("kind", ["rigid", pytest.param("soft", marks=pytest.mark.slow)])
 def test_a_pile_does_not_wander(kind: str) -> None:
     sim = pile(kind, 0.01)
     step_well(sim, 150)
