@@ -30,9 +30,11 @@ def measure(
     every: int = 10,
     peers: bool = True,
     iterations: int = 10,
+    gap: float = 6.0,
     peer_wall: float = 400.0,
 ) -> list[Table]:
-    """Measure, print, write tables and plot. ``peer_wall`` [s] ends the peer early; ``iterations`` are Newton's VBD's."""
+    """Measure, print, write tables and plot. ``gap`` widens Newton's search (times our contact
+    distance): with less it holds back what falls. ``peer_wall`` [s] ends the peer early; ``iterations`` are Newton's VBD's."""
     console, busy = console or Console(), load()
     console.print(f"Dropping a cloth for {seconds:g} s, then Newton's beside it; two to six minutes for 4 s ...")
     parameters = {"cells": cells, "mu": mu}
@@ -46,7 +48,9 @@ def measure(
     tables[0].notes.append(f"The paper: {PAPER_MS:g} ms a step.")
     answers = []
     if peers:
-        task = ContactTask("falling_cloth", parameters, seconds, every, peer_wall, {"iterations": iterations})
+        task = ContactTask(
+            "falling_cloth", parameters, seconds, every, peer_wall, {"iterations": iterations, "gap": gap}
+        )
         answers.append(run_peer("newton vbd", "newton", "newton_cloth", task))
         tables.append(peers_table("Falling cloth: other libraries", run, answers))
         ratios = [row[3] for row in tables[-1].rows[1:] if row[3] is not None]

@@ -34,6 +34,7 @@ def measure(
     every: int = 5,
     peers: bool = True,
     iterations: int = 10,
+    gap: float = 12.0,
     substeps: int = 4,
     stiffness: float = 1e5,
     peer_wall: float = 500.0,
@@ -42,7 +43,8 @@ def measure(
 
     Letters fall for ``falling`` [s], rest for ``settling``, then walls push in as fast as the scene's for ``pressing``
     (`press_time` [s] is their whole way). Newton's contact is a penalty of ``stiffness`` [N/m]: 1e5 crosses least, 1e3, its
-    examples' own, far more. ``peer_wall`` [s] ends the peer early.
+    examples' own, far more. ``gap`` widens Newton's search (times our contact
+    distance): with less it holds back what falls. ``peer_wall`` [s] ends the peer early.
     """
     console, busy = console or Console(), load()
     console.print(f"Dropping {count} letters and pressing them, then Newton's beside them; minutes ...")
@@ -59,7 +61,7 @@ def measure(
     tables[0].notes.append(f"The paper: {PAPER_MS:g} ms a step.")
     answers = []
     if peers:
-        own = {"iterations": iterations, "substeps": substeps, "stiffness": stiffness, "damping": 1e-3}
+        own = {"iterations": iterations, "gap": gap, "substeps": substeps, "stiffness": stiffness, "damping": 1e-3}
         task = ContactTask("letters", parameters, seconds, every, peer_wall, own)
         answers.append(run_peer("newton vbd", "newton", "newton_solids", task))
         tables.append(peers_table("Letters: other libraries", run, answers))

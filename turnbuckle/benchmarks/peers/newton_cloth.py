@@ -7,7 +7,10 @@ from turnbuckle.benchmarks.contact_protocol import simulate, task_from_arguments
 from turnbuckle.benchmarks.peers.newton_cloth_scene import NewtonScene
 from turnbuckle.scenes import REGISTRY
 
-HOW = "VBD, {iterations} iterations, {substeps} substep(s) of {ms:.3g} ms, {surface}; self-contact penalty {stiffness:.3g} N/m, margin {margin:.2g} mm, CPU"
+HOW = (
+    "VBD, {iterations} iterations, {substeps} substep(s) of {ms:.3g} ms, {surface}; "
+    "self-contact penalty {stiffness:.3g} N/m, margin {margin:.2g} mm and gap {gap:.2g} mm, CPU"
+)
 
 
 def main(surface: str = "the same springs and hinges") -> None:
@@ -22,7 +25,7 @@ def main(surface: str = "the same springs and hinges") -> None:
     peer = NewtonScene(model, state, **task.options)
     how = HOW.format(
         iterations=peer.solver.iterations, substeps=peer.substeps, ms=1e3 * dt / peer.substeps, surface=surface,
-        stiffness=peer.newton.soft_contact_ke, margin=1e3 * peer.radius,
+        stiffness=peer.newton.soft_contact_ke, margin=1e3 * peer.radius, gap=1e3 * peer.gap * peer.radius,
     )  # fmt: skip
 
     def positions() -> np.ndarray:
