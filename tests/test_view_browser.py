@@ -194,6 +194,35 @@ def test_a_rigid_body_is_dragged(open_page: Any) -> None:
     until(lambda: in_simulation(shown, lambda s: not s.state.loads.force.any()), "the hand to let go")
 
 
+def test_a_mechanism_is_posed_with_the_mouse_and_saved(
+    open_page: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = turnbuckle.Scene("arm", dt=2e-3)
+    for k, name in enumerate(("upper", "lower")):
+        scene.add_rigid(name, box=[0.12, 0.12, 0.4], position=[0, 0, -0.2 - 0.4 * k])
+    scene.add_joint("ball", "shoulder", body1="upper", anchor=[0, 0, 0])
+    scene.add_joint("ball", "elbow", body0="upper", body1="lower", anchor=[0, 0, -0.4])
+    monkeypatch.chdir(tmp_path)
+    shown, page = open_page(scene)
+    page.get_by_role("tab", name="Pose").click()
+    page.get_by_label("Drag to pose").check(timeout=1e3 * PATIENCE)
+    x, y = pixel(shown, page, np.array([0.0, 0.0, -0.7]))
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 10, y)
+    page.mouse.move(x + 120, y - 60)
+    until(lambda: in_simulation(shown, lambda s: np.linalg.norm(s.pose("lower")[0][:2])) > 0.15, "the arm to follow")
+    page.mouse.up()
+    for joint in ("shoulder", "elbow"):
+        assert in_simulation(shown, lambda s, j=joint: s.joint_residual(j))[0] < 1e-8
+    assert in_simulation(shown, lambda s: s.state.steps) == 0
+    page.get_by_role("button", name="Save scene").click()
+    path = tmp_path / "arm_posed.yaml"
+    until(path.exists, "the file")
+    saved = turnbuckle.Simulation(turnbuckle.Scene.load(path))
+    assert np.abs(saved.pose("lower")[0] - in_simulation(shown, lambda s: s.pose("lower")[0])).max() < 1e-12
+
+
 def test_physics_is_changed_on_the_page(open_page: Any) -> None:
     shown, page = open_page(cloth(), run=True)
     until(lambda: shown.source.frame.steps > 0, "the first step")

@@ -1,7 +1,10 @@
 """Who may open the page, what is served, playing of recordings, exports; without a browser."""
 
 import http.client
+import signal
 import socket
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -258,3 +261,25 @@ def test_the_command_names_what_is_wrong(tmp_path: Path) -> None:
     ):
         result = CliRunner().invoke(app, words)
         assert result.exit_code == 2 and told in result.output + str(result.stderr), (words, result.output)
+
+
+def test_the_command_serves_until_it_is_stopped(tmp_path: Path) -> None:
+    pytest.importorskip("viser")
+    scene().save(tmp_path / "scene.yaml")
+    start = [
+        sys.executable,
+        "-c",
+        "from turnbuckle.cli import main; main()",
+        "view",
+        "scene.yaml",
+        "--no-open",
+        "--run",
+    ]
+    with subprocess.Popen(start, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None and process.stderr is not None
+        line = process.stdout.readline()
+        assert line.startswith("view: http://localhost:"), line
+        assert ask(int(line.split(":")[-1].strip(" /\n")))[0] == 200
+        process.send_signal(signal.SIGINT)
+        assert process.wait(timeout=WAIT) == 0
+        assert "Traceback" not in process.stderr.read()

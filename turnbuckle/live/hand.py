@@ -4,7 +4,7 @@ A mass point is held by a nail, and the nail hangs on a critically damped spring
 smooth however the mouse jumps. Its path from place g and speed v towards a target T is, in closed form,
 ``T + (e + (v + w e) t) exp(-w t)`` with ``e = g - T``, so the speed and acceleration that the schemes ask of a goal fit.
 ``exact`` lets the nail go where the mouse is within a few steps. A rigid body is pulled with a spring and damper at the
-place that was taken, or, exactly, by a nail at its nearest point.
+place that was taken, or, exactly and where contact is off, by a nail at its nearest point.
 """
 
 import math
@@ -94,7 +94,7 @@ class Hand:
         if body >= 0 and model.rigid.motion[body] != DYNAMIC:
             raise InputError(f"'{shape.name}' is not dynamic and cannot be dragged")
         self._target = np.array(pick.place)
-        if body >= 0 and not exact:
+        if body >= 0 and (not exact or model.surfaces is not None):  # a nail would press it through what it touches
             self._body = body
             origin, turn = self.simulation.pose(model.rigid.names[body])
             self._local = Rotation.from_quat(turn).inv().apply(pick.place - origin)

@@ -19,7 +19,7 @@ from turnbuckle.live.session import Session
 from turnbuckle.live.stage import Stage
 from turnbuckle.live.taking_hold import TakingHold
 
-FRAMES = 40.0  # a second at most
+FRAMES = 30.0  # a second at most
 LISTS = 6.0  # times a second that lists and numbers are written anew
 BRAND = (46, 92, 138)
 
@@ -38,7 +38,7 @@ class Page:
         server.gui.set_panel_label(title)
         server.gui.main_panel.dock_right()
         frame = source.frame
-        self.stage = Stage(server, source.shapes, frame.x, source.up_axis, source.size)
+        self.stage = Stage(server, source.shapes, frame.x, source.up_axis, source.size, len(frame.marks.points))
         tabs = server.gui.add_tab_group()
         self.panels: dict[str, Any] = {}
         if isinstance(source, Session):

@@ -27,13 +27,15 @@ from turnbuckle.scene.scene import Scene
 from turnbuckle.step.simulation import Simulation
 
 T = TypeVar("T")
-SHOWN = 1.0 / 60.0  # [s] of wall time between two frames at least
+SHOWN = 1.0 / 40.0  # [s] of wall time between two frames at least
 READ = 0.15  # [s] between two readings of the constraints
 READ_PART = 0.1  # of the time that readings may take
 BEHIND = 0.1  # [s] of wall time: what is further behind is given up
 IDLE = 0.25  # [s] between two looks when nothing runs
 REACH = 0.02  # of the scene's size: a click nearer to a pin than this means the pin
 NOTES = 4  # kept
+HARD, HARDER = 500.0, 10.0  # [ms], and times the usual: a step that takes longer than both makes the hand let go
+PAUSED = "; it is paused, and moves when you run or step it"
 Recorded = tuple[float, np.ndarray, np.ndarray]  # time [s], x [m] and v [m/s]
 
 
@@ -151,7 +153,7 @@ class Session:
 
     def grab(self, pick: Pick, exact: bool = False) -> "Future[str]":
         """Take hold of a place."""
-        return self.do(lambda _: self.note(self._hand.grab(pick, exact)))
+        return self.do(lambda _: self.note(self._hand.grab(pick, exact) + ("" if self.running else PAUSED)))
 
     def drag(self, target: Any) -> "Future[None]":
         """The mouse is there [m]."""
@@ -212,6 +214,9 @@ class Session:
         except TurnbuckleError as error:
             self.note(str(error))
             raise
+        except Exception as error:  # a fault of ours must not go unseen
+            self.note(f"{type(error).__name__}: {error}")
+            raise
 
     def note(self, text: str) -> str:
         """Tell the user something."""
@@ -264,9 +269,13 @@ class Session:
             report = simulation.step()
         except TurnbuckleError as error:
             report = StepReport(status="failed", messages=[str(error)], time=simulation.time)
-        self._ms += (
-            0.1 * (1e3 * (time.perf_counter() - began) - self._ms) if self._ms else 1e3 * (time.perf_counter() - began)
-        )
+        except Exception as error:  # the thread must live: the user can go back to the start
+            report = StepReport(status="failed", messages=[f"{type(error).__name__}: {error}"], time=simulation.time)
+        took = 1e3 * (time.perf_counter() - began)
+        if self._hand.holds and self._ms > 0.0 and took > max(HARD, HARDER * self._ms):
+            self._hand.let_go()
+            self.note("the hand has let go: what it asked for made the step too hard")
+        self._ms = took if self._ms == 0.0 else self._ms + 0.1 * (min(took, HARDER * self._ms) - self._ms)
         self._report, self._layout = report, simulation.state.layout
         if report.status == "failed":
             self.running = False

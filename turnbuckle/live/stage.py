@@ -13,12 +13,15 @@ from turnbuckle.live.paint import PULL, PUSH, residual_colors
 from turnbuckle.viewer.camera import FIELD_OF_VIEW, frame_box
 from turnbuckle.viewer.geometry import SceneGeometry
 
+CROWD = 60  # marks; where there are more they are smaller
 DOT = 0.007  # of the scene's size: mark of a constraint
-ARROW = 0.12  # of the scene's size: the longest arrow
+ARROW = 0.06  # of the scene's size: the arrow of a contact stronger than most
+USUAL, LONGEST = 0.8, 3.0  # which quantile that is; times its length at most
 GLASS = 0.35  # opacity
 FEW = 4000  # arrows and marks shown at most
 GROUND = (216, 220, 227)
-LINE = 0.005  # of a cell: half the width of a line on the ground
+LINE = 0.007  # of a cell: half the width of a line on the ground
+WINDOW = (900, 800)  # pixels, a usual shape of what is left beside the panel
 ROOM = 0.04  # of the scene's size, around it
 
 
@@ -58,7 +61,10 @@ class Mark:
 class Stage:
     """Draws frames into a viser scene."""
 
-    def __init__(self, server: Any, shapes: Sequence[Shape], x: np.ndarray, up_axis: str, size: float) -> None:
+    def __init__(
+        self, server: Any, shapes: Sequence[Shape], x: np.ndarray, up_axis: str, size: float, marks: int = 0
+    ) -> None:
+        """``x`` (points, 3): the first frame [m]. ``marks``: how many constraints are to be drawn, about."""
         self.size, self.up_axis, self.shapes = max(size, 1e-9), up_axis, list(shapes)
         self._scene = server.scene
         geometry = SceneGeometry(self.shapes, x, up_axis)
@@ -68,7 +74,7 @@ class Stage:
         low, high = seen.min(axis=0), seen.max(axis=0)
         room = ROOM * float(np.linalg.norm(high - low))
         self.low, self.high = low, high
-        self.camera = frame_box(low - room, high + room, up_axis, (1280, 800))
+        self.camera = frame_box(low - room, high + room, up_axis, WINDOW)
         first = server.initial_camera
         first.position, first.look_at, first.up = self.camera.eye, self.camera.target, self.camera.up
         first.fov = FIELD_OF_VIEW
@@ -87,9 +93,10 @@ class Stage:
         self.light(fine=False)
         floors = _floors(self.shapes, x, geometry.ground, int(np.argmax(self.camera.up)), self.size)
         self.bodies = drawn_bodies(server.scene, self.shapes, x, self.size, floors)
-        dot = DOT * self.size
+        dot = DOT * self.size * min(1.0, np.sqrt(CROWD / max(marks, 1)))
         scene = server.scene
-        slim = {"shaft_radius": 0.16 * dot, "head_radius": 0.45 * dot, "head_length": 0.9 * dot}
+        thick = DOT * self.size
+        slim = {"shaft_radius": 0.18 * thick, "head_radius": 0.5 * thick, "head_length": 1.2 * thick}
         cloud = {"point_shape": "circle", "precision": "float32"}
         push, pull = np.array(PUSH, np.uint8), np.array(PULL, np.uint8)
         self._dots = Mark(partial(scene.add_point_cloud, "/marks/constraints", point_size=dot, **cloud))
@@ -97,7 +104,7 @@ class Stage:
         self._pins = Mark(partial(scene.add_point_cloud, "/marks/pins", point_size=1.7 * dot, **cloud), pull)
         self._contacts = Mark(partial(scene.add_arrows, "/marks/contacts", **slim), push)
         self._pull = Mark(partial(scene.add_arrows, "/marks/hand", **slim), pull)
-        self._strongest = 0.0  # [N] of contacts, slowly forgotten, so that arrows do not jump in length
+        self._usual = 0.0  # [N] of contacts, slowly forgotten, so that arrows do not jump in length
         self.show_marks = self.show_contacts = True
 
     def _ground(self, server: Any, ground: float | None) -> None:
@@ -105,7 +112,8 @@ class Stage:
         axis = int(np.argmax(self.camera.up))
         extent = max(float(np.ptp(np.stack([self.low, self.high]), axis=0).max()), 1e-6)
         height = (self.low[axis] if ground is None else ground) - 1e-3 * extent
-        cell = 10.0 ** np.floor(np.log10(extent / 1.5))
+        power = 10.0 ** np.floor(np.log10(extent / 4.0))
+        cell = power * max(step for step in (1.0, 2.0, 5.0) if step * power <= extent / 4.0)
         middle = np.round(0.5 * (self.low + self.high) / cell) * cell
         half = np.ceil(1.6 * extent / cell) * cell
         across = [k for k in range(3) if k != axis]
@@ -168,9 +176,10 @@ class Stage:
         points = np.zeros((0, 2, 3))
         if self.show_contacts and len(contacts.force):
             strength = np.linalg.norm(contacts.force, axis=1)
-            self._strongest = max(0.97 * self._strongest, float(strength.max()), 1e-300)
+            self._usual = max(0.97 * self._usual, float(np.quantile(strength, USUAL)), 1e-300)
             largest = np.sort(np.argsort(-strength)[:FEW])
-            ends = contacts.at + ARROW * self.size / self._strongest * contacts.force
+            length = ARROW * self.size * np.minimum(strength / self._usual, LONGEST)
+            ends = contacts.at + (length / np.maximum(strength, 1e-300))[:, None] * contacts.force
             points = np.stack([contacts.at, ends], axis=1)[largest]
         self._contacts.show(points)
 
