@@ -220,9 +220,10 @@ def tied_rows(state: State, group: Group) -> np.ndarray:
 
 
 def _check_tied(model: Model, group: Group) -> None:
-    if model.surfaces is not None:
+    implicit = model.integrator in ("implicit_euler", "newmark")
+    if model.surfaces is not None and implicit:
         return  # beside contact all rows are solved together
-    if model.integrator in ("explicit_euler", "beeman", "implicit_euler", "newmark"):
+    if implicit or model.integrator in ("explicit_euler", "beeman"):
         raise InputError(
             f"constraint '{group.name}' takes a point of a rigid body, which integrator {model.integrator!r} cannot tie to "
             "mass points; use verlet, velocity_verlet, euler_cromer, midpoint, rk2 or rk4"

@@ -64,6 +64,7 @@ class State:
     contact_impulse: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))  # of them on their side a [N s]
     contact_sliding: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     script_delay: float = 0.0  # [s] by which scripts lag behind the time, where they have stalled
+    contact_found: bool = False  # the last step found contacts on its way, not at its start
     time: float = 0.0  # [s]
     steps: int = 0
     dt: float = 0.0  # the last step [s], 0 before the first

@@ -64,8 +64,8 @@ class Attempt:
             stepper.opening.look(self.s0)
             self.parting = np.full(stepper.opening.count, stepper.options.recovery)
         self.started = False
-        self.rough = stepper.busy and not self.closing.exists  # the first contacts are not the last ones: no need for all digits
-        stepper.busy = False
+        self.rough = state.contact_found and not self.closing.exists  # the first contacts are not the last ones: no need for all digits
+        state.contact_found = False
         self.a: sp.bsr_array
         self.base: np.ndarray  # (n, 3) of `ContactProblem.free`
         self.load: np.ndarray | None  # (n, 3)
@@ -148,7 +148,7 @@ class Attempt:
             found = self.stepper.detector.crossed(self.s0, s1)
         if self.stepper.opening is not None:
             found = self.stepper.opening.without(found)
-        self.stepper.busy |= found.count > 0
+        self.stepper.state.contact_found |= found.count > 0
         if found.count or not self.rough:
             return found
         self.rough = False

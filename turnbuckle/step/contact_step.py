@@ -34,10 +34,10 @@ from turnbuckle.step.contact_dynamics import ContactDynamics
 from turnbuckle.step.contact_explicit import Explicit, ExplicitJointReports
 from turnbuckle.step.contact_joint_report import JointReports
 from turnbuckle.step.contact_joints import ContactJoints
-from turnbuckle.step.contact_report import ContactReports
 from turnbuckle.step.contact_limits import ALLOWED
 from turnbuckle.step.contact_opening import PATIENCE, Opening
 from turnbuckle.step.contact_pressed import pressed_contacts
+from turnbuckle.step.contact_report import ContactReports
 from turnbuckle.step.contact_rows import Memory, PointMap
 from turnbuckle.step.contact_schemes import BackwardEuler, ContactScheme, Newmark
 from turnbuckle.step.contact_velocities import end_velocities
@@ -77,7 +77,6 @@ class ContactStepper:
             self.joint_reports = JointReports(model, state, self.joints)
         self.articulated = self.joint_reports.articulated
         self.dynamics.alpha, self.dynamics.beta = self.dynamics_of.alpha, self.dynamics_of.beta
-        self.busy = False  # the last attempt found contacts on its way
         self._intersections: Intersections | None = None
         self._moves = moves
         self._seconds: dict[str, float] = {}

@@ -12,6 +12,7 @@ from turnbuckle.data.state import State
 VALUES = (
     "time", "steps", "dt", "stale", "work", "dissipation", "dissipation_power", "field_power", "energies", "activated",
     "owner", "domain_use", "impulse", "active", "contact_keys", "contact_impulse", "contact_sliding", "script_delay",
+    "contact_found",
 )  # fmt: skip
 
 
