@@ -130,4 +130,5 @@ def test_ride_counts_iterations() -> None:
 
 
 def test_registry_names_what_can_be_measured() -> None:
-    assert set(REGISTRY) == {"curtain", "constraints", "scaling", "chain", "monocycle", "ccd"}
+    contact = {"falling_cloth", "letters", "dancer", "contact_scaling", "contact_histograms"}
+    assert set(REGISTRY) == {"curtain", "constraints", "scaling", "chain", "monocycle", "ccd"} | contact

@@ -1,6 +1,7 @@
 """Measurements. Each prints tables, and writes them with a plot into `benchmarks/results/<machine>/`.
 
-`REGISTRY[name](console, folder)`; both may be left out. Nothing heavy is imported before a benchmark is called.
+`REGISTRY[name](console, folder, **options)`; all may be left out. Options are the keyword-only parameters of the
+benchmark's `measure`. Nothing heavy is imported before a benchmark is called.
 """
 
 import importlib
@@ -12,10 +13,14 @@ from typing import Any
 Benchmark = Callable[..., Any]  # (rich.console.Console | None, Path | None) -> its tables
 
 
-def _measure(module: str, console: Any = None, folder: Path | None = None) -> Any:
-    return importlib.import_module(f"turnbuckle.benchmarks.{module}").measure(console, folder)
+def _measure(module: str, console: Any = None, folder: Path | None = None, **options: Any) -> Any:
+    return importlib.import_module(f"turnbuckle.benchmarks.{module}").measure(console, folder, **options)
 
 
-REGISTRY: dict[str, Benchmark] = {
-    name: partial(_measure, name) for name in ("curtain", "constraints", "scaling", "chain", "monocycle", "ccd")
-}
+NAMES = (
+    "curtain", "constraints", "scaling", "chain", "monocycle", "ccd",
+    "falling_cloth", "letters", "dancer", "contact_scaling", "contact_histograms",
+)  # fmt: skip
+LONG = ("letters", "dancer", "contact_scaling", "contact_histograms")  # many minutes: only when named
+
+REGISTRY: dict[str, Benchmark] = {name: partial(_measure, name) for name in NAMES}

@@ -46,7 +46,9 @@ def options(
 
 
 for verb in (run, sweep, check, assemble, convert, import_, export, scenes, schema, view, bench):
-    app.command(name=verb.__name__.rstrip("_"))(verb)
+    # what `bench` does not know belongs to the benchmark
+    settings = {"ignore_unknown_options": True} if verb is bench else None
+    app.command(name=verb.__name__.rstrip("_"), context_settings=settings)(verb)
 
 
 def main() -> None:

@@ -12,7 +12,16 @@ NAMES = ", ".join(benchmarks.REGISTRY)
 
 @report_errors
 def bench(
-    name: Annotated[str | None, typer.Argument(metavar="[NAME]", help=f"One of {NAMES}; all when left out.")] = None,
+    name: Annotated[
+        str | None, typer.Argument(metavar="[NAME]", help=f"One of {NAMES}; all but the long ones when left out.")
+    ] = None,
+    options: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[OPTIONS]",
+            help="Of the benchmark, such as --seconds 0.5; `python -m turnbuckle.benchmarks.NAME --help` lists them.",
+        ),
+    ] = None,
 ) -> None:
     """Run the benchmarks; each prints a table and writes it with a plot."""
     from turnbuckle.data.errors import InputError
@@ -21,5 +30,12 @@ def bench(
     known = benchmarks.REGISTRY
     if name is not None and name not in known:
         raise InputError(f"there is no benchmark {name!r}{did_you_mean(name, known)}")
-    for key in [name] if name is not None else list(known):
-        known[key]()
+    given = {}
+    if name is not None and options:
+        from importlib import import_module
+
+        from turnbuckle.benchmarks.contact_options import options as read
+
+        given = read(import_module(f"turnbuckle.benchmarks.{name}").measure, options, f"turnbuckle bench {name}")
+    for key in [name] if name is not None else [k for k in known if k not in benchmarks.LONG]:
+        known[key](**given)

@@ -19,12 +19,15 @@ from turnbuckle.step.contact_rows import contact_rows, frames
 if TYPE_CHECKING:
     from turnbuckle.step.contact_step import ContactStepper
 
-NEAR = 0.8  # of delta: contacts nearer than this are let apart; between, they stay, since parting costs energy
+NEAR = 0.6  # of delta: contacts nearer than this are let apart; between, they stay, since parting costs energy
 RECOVERED = 0.2  # part of what a contact is too near by that a step gives back
 SLIDING = 10.0  # of the tolerance: tangential speeds at the start beyond which a contact slides
 LEAST = 1e-9  # [m/s] the smallest tolerance
 PART = 0.25  # of delta: a motion in a step that the tolerance is a part of, where gravity does less
 ROUGH = 10.0  # times the tolerance, while contacts are still being found
+FAST = 10.0  # times what gravity does in a step: where all is slower, the tolerance shrinks with the speed,
+REST = 1e-2  # to this part of itself, so that piles come to rest
+FEW = 60  # contacts that are solved anew by the dense solver where the default one does not converge
 FREE = 1e-6  # of the tolerance: to what free velocities are solved where a solver asks for them
 
 
@@ -55,7 +58,10 @@ class Attempt:
         still = PART * float(stepper.surfaces.delta.min()) / h if stepper.surfaces.vertices else 0.0
         if stepper.dynamics_of.fine and gravity > 0.0:
             still = 0.0
-        self.tolerance = max(model.contact.tolerance * max(gravity, still), LEAST)
+        scale = max(gravity, still)
+        fastest = float(np.sqrt(np.einsum("ij,ij->i", self.v0, self.v0)[~self.prescribed.fixed].max(initial=0.0)))
+        pace = min(max(fastest / (FAST * scale), REST), 1.0) if scale > 0.0 else 1.0
+        self.tolerance = max(model.contact.tolerance * scale * pace, LEAST)
         self.iterations: dict[str, int] = {}
         self.free: np.ndarray | None = None
         self.limits = Limits(self)
@@ -220,14 +226,25 @@ class Attempt:
             self.v = np.where(self.prescribed.fixed[:, None], self.base, self.base + pushed)
         if options.solver == "newton" and options.friction_shape == "cone":
             tolerance = self.tolerance * (ROUGH if self.rough else 1.0)
-            return stepper.solver.solve(problem, start, self.v.ravel(), tolerance, options.max_iterations)
+            found = stepper.solver.solve(problem, start, self.v.ravel(), tolerance, options.max_iterations)
+            if found.converged or problem.count > FEW or len(problem.free) > 30 * FEW:
+                return found
+            given = self._with_free(problem)
+            other = solve_anticipation(given, found.impulse, self.tolerance, friction_shape=options.friction_shape)
+            return other if other.converged else found
+        given = self._with_free(problem)
+        if options.solver == "anticipation":
+            return solve_anticipation(given, start, self.tolerance, options.max_iterations, options.friction_shape)
+        velocity = None if self.solution is None else self.v.ravel()  # v* first: D_A^-1 hides how stiff bodies fall
+        return solve_ica(
+            given, start, self.tolerance, options.max_iterations, options.friction_shape, velocity=velocity
+        )
+
+    def _with_free(self, problem: ContactProblem) -> ContactProblem:
+        """The problem with v* solved for, in place of a load."""
+        stepper, options = self.stepper, self.stepper.options
         if self.free is None:
             none = sp.bsr_array((np.zeros((0, 3, 3)), np.zeros(0, np.int32), np.zeros(1, np.int32)), shape=(0, len(problem.free)))
             alone = replace(problem, j=none, floor=np.zeros(0), friction=np.zeros(0), e=None, wanted=np.zeros(0))
             self.free = stepper.solver.solve(alone, None, None, FREE * self.tolerance, options.max_iterations).velocity
-        given = replace(problem, free=self.free, load=None)
-        if options.solver == "anticipation":
-            return solve_anticipation(given, start, self.tolerance, options.max_iterations, options.friction_shape)
-        return solve_ica(
-            given, start, self.tolerance, options.max_iterations, options.friction_shape, velocity=self.v.ravel()
-        )
+        return replace(problem, free=self.free, load=None)

@@ -64,13 +64,16 @@ class ContactReports:
             write_row_forces(self.state, closing.points, force, add=False)
 
     def _momentum(self, attempt: "Attempt", left: np.ndarray, report: StepReport) -> None:
-        """Momentum that the step made of nothing, over ``sum m |v|`` (angular: and over the largest |x|)."""
+        """Momentum that the step made of nothing, over ``sum m |v|``, weight and impulses (angular: and over the largest |x|)."""
         model, dynamics, points = self.model, attempt.stepper.dynamics, self.model.points
         free = ~attempt.prescribed.fixed
         wrong = np.where(free[:, None], left, 0.0)
         linear = wrong[:points].sum(axis=0) + wrong[points::2].sum(axis=0)
         size = float(np.maximum(model.mass, 0.0) @ np.linalg.norm(attempt.v[:points], axis=1))
         size += float(model.rigid.mass[dynamics.dynamic] @ np.linalg.norm(attempt.v[points::2][dynamics.dynamic], axis=1))
+        weight = float(np.maximum(model.mass, 0.0).sum() + model.rigid.mass[dynamics.dynamic].sum())
+        size += weight * float(np.linalg.norm(self.state.gravity)) * attempt.h
+        size += float(np.linalg.norm(attempt.solution.impulse, axis=1).sum())  # type: ignore[union-attr]
         far = float(np.abs(attempt.x1[free[:points]]).max(initial=0.0)) if points else 0.0
         far = max(far, float(np.abs(attempt.bx1[dynamics.dynamic]).max(initial=0.0)))
         if size > 0.0 and far > 0.0:

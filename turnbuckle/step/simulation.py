@@ -18,6 +18,7 @@ from turnbuckle.scene.build_joints import add_joints, remove_joint
 from turnbuckle.scene.definitions import BodyPairDef, KeyframesDef
 from turnbuckle.scene.scene import CONSTRAINTS, Scene
 from turnbuckle.scene.validation import validate
+from turnbuckle.step.contact_step import ContactStepper
 from turnbuckle.step.reactions import reactions
 from turnbuckle.step.rigid_access import (
     read_coordinates,
@@ -27,7 +28,6 @@ from turnbuckle.step.rigid_access import (
     write_target,
     write_velocity,
 )
-from turnbuckle.step.contact_step import ContactStepper
 from turnbuckle.step.step import Stepper
 
 
