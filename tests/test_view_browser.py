@@ -211,7 +211,7 @@ def test_a_mechanism_is_posed_with_the_mouse_and_saved(
     page.mouse.down()
     page.mouse.move(x + 10, y)
     page.mouse.move(x + 120, y - 60)
-    until(lambda: in_simulation(shown, lambda s: np.linalg.norm(s.pose("lower")[0][:2])) > 0.15, "the arm to follow")
+    until(lambda: in_simulation(shown, lambda s: np.linalg.norm(s.pose("lower")[0][:2])) > 0.08, "the arm to follow")
     page.mouse.up()
     for joint in ("shoulder", "elbow"):
         assert in_simulation(shown, lambda s, j=joint: s.joint_residual(j))[0] < 1e-8
