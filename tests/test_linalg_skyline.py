@@ -24,7 +24,9 @@ def parts_matrix(sizes, rng):
             rows += [name[i], name[j]]
             columns += [name[j], name[i]]
         begin += size
-    pattern = sp.csr_array((np.ones(len(np.concatenate(rows))), (np.concatenate(rows), np.concatenate(columns))), shape=(n, n))
+    pattern = sp.csr_array(
+        (np.ones(len(np.concatenate(rows))), (np.concatenate(rows), np.concatenate(columns))), shape=(n, n)
+    )
     values = np.zeros((3 * n, 3 * n))
     for i, j in zip(*pattern.nonzero(), strict=True):
         if i < j:

@@ -61,7 +61,9 @@ def find_parts(indptr: np.ndarray, indices: np.ndarray, left_out: np.ndarray) ->
     width = 3 * (np.arange(len(nodes)) - lead)
     lengths = 3 * width + 6  # rows of width + 1, + 2, + 3
     start = np.cumsum(lengths) - lengths
-    return Parts(nodes, offsets.astype(np.int32), lead.astype(np.int32), start.astype(np.int32), int(lengths.sum()), local)
+    return Parts(
+        nodes, offsets.astype(np.int32), lead.astype(np.int32), start.astype(np.int32), int(lengths.sum()), local
+    )
 
 
 @wp.func_native(

@@ -70,7 +70,9 @@ class Attempt:
             stepper.opening.look(self.s0)
             self.parting = np.full(stepper.opening.count, stepper.options.recovery)
         self.started = False
-        self.rough = state.contact_found and not self.closing.exists  # the first contacts are not the last ones: no need for all digits
+        self.rough = (
+            state.contact_found and not self.closing.exists
+        )  # the first contacts are not the last ones: no need for all digits
         state.contact_found = False
         self.a: sp.bsr_array
         self.base: np.ndarray  # (n, 3) of `ContactProblem.free`
@@ -194,9 +196,7 @@ class Attempt:
             self.friction = np.concatenate([self.friction, np.where(slid, mu[:, 1], mu[:, 0])])
         gap = np.einsum("mk,mkd,md->m", contacts.coefficients, self.s0[contacts.vertices], contacts.normal)
         delta = stepper.detector.deltas(contacts.kind, contacts.a, contacts.b)
-        apart = np.minimum(
-            RECOVERED * np.maximum(NEAR * delta - contacts.distance, 0.0), stepper.options.recovery * h
-        )
+        apart = np.minimum(RECOVERED * np.maximum(NEAR * delta - contacts.distance, 0.0), stepper.options.recovery * h)
         target = np.where(contacts.distance < delta, contacts.distance + apart, delta)
         floor = (target - gap) / h
         if stepper.options.rows == "velocity":
@@ -244,7 +244,9 @@ class Attempt:
         """The problem with v* solved for, in place of a load."""
         stepper, options = self.stepper, self.stepper.options
         if self.free is None:
-            none = sp.bsr_array((np.zeros((0, 3, 3)), np.zeros(0, np.int32), np.zeros(1, np.int32)), shape=(0, len(problem.free)))
+            none = sp.bsr_array(
+                (np.zeros((0, 3, 3)), np.zeros(0, np.int32), np.zeros(1, np.int32)), shape=(0, len(problem.free))
+            )
             alone = replace(problem, j=none, floor=np.zeros(0), friction=np.zeros(0), e=None, wanted=np.zeros(0))
             self.free = stepper.solver.solve(alone, None, None, FREE * self.tolerance, options.max_iterations).velocity
         return replace(problem, free=self.free, load=None)

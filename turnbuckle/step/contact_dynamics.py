@@ -221,7 +221,9 @@ class ContactDynamics:
 
     def kinetic(self, v: np.ndarray, q: np.ndarray) -> float:
         """Energy of motion [J] with block velocities v (n, 3) and bodies turned by q (bodies, 4)."""
-        points = 0.5 * float(np.maximum(self.model.mass, 0.0) @ np.einsum("ij,ij->i", v[: self.points], v[: self.points]))
+        points = 0.5 * float(
+            np.maximum(self.model.mass, 0.0) @ np.einsum("ij,ij->i", v[: self.points], v[: self.points])
+        )
         rigid = self.model.rigid
         spin = Rotation.from_quat(q).inv().apply(v[self.points + 1 :: 2])
         linear = np.einsum("ij,ij->i", v[self.points :: 2], v[self.points :: 2])

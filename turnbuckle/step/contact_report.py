@@ -70,16 +70,23 @@ class ContactReports:
         wrong = np.where(free[:, None], left, 0.0)
         linear = wrong[:points].sum(axis=0) + wrong[points::2].sum(axis=0)
         size = float(np.maximum(model.mass, 0.0) @ np.linalg.norm(attempt.v[:points], axis=1))
-        size += float(model.rigid.mass[dynamics.dynamic] @ np.linalg.norm(attempt.v[points::2][dynamics.dynamic], axis=1))
+        size += float(
+            model.rigid.mass[dynamics.dynamic] @ np.linalg.norm(attempt.v[points::2][dynamics.dynamic], axis=1)
+        )
         weight = float(np.maximum(model.mass, 0.0).sum() + model.rigid.mass[dynamics.dynamic].sum())
         size += weight * float(np.linalg.norm(self.state.gravity)) * attempt.h
         size += float(np.linalg.norm(attempt.solution.impulse, axis=1).sum())  # type: ignore[union-attr]
         far = float(np.abs(attempt.x1[free[:points]]).max(initial=0.0)) if points else 0.0
         far = max(far, float(np.abs(attempt.bx1[dynamics.dynamic]).max(initial=0.0)))
         if size > 0.0 and far > 0.0:
-            angular = np.cross(attempt.x1, wrong[:points]).sum(axis=0) + np.cross(attempt.bx1, wrong[points::2]).sum(axis=0)
+            angular = np.cross(attempt.x1, wrong[:points]).sum(axis=0) + np.cross(attempt.bx1, wrong[points::2]).sum(
+                axis=0
+            )
             angular = angular + wrong[points + 1 :: 2].sum(axis=0)
-            report.momentum_error = (float(np.linalg.norm(linear)) / size, float(np.linalg.norm(angular)) / (size * far))
+            report.momentum_error = (
+                float(np.linalg.norm(linear)) / size,
+                float(np.linalg.norm(angular)) / (size * far),
+            )
 
     def _energies(self, attempt: "Attempt", left: np.ndarray, v: np.ndarray, report: StepReport) -> None:
         """Energies of the state; work of scripts, nails and loads; what damping, friction and impacts took."""

@@ -1,12 +1,12 @@
 """One step with contact (Contact, section 4). This file names the stages; what they do is elsewhere.
 
-    A, load   = linearised dynamics at the state                       (3.1)
-    contacts  = pairs that are near at the start                       (3.2)
-    repeat at most `rounds` times:                                     (4)
-        v         = solve(A, load, contacts, equality rows)            (3.3, 3.4, 5)
-        hits      = continuous collision detection of the way there
-        none: commit;  else add their rows
-    not clear: two half steps; at the allowed depth: zones of impact move rigidly
+A, load   = linearised dynamics at the state                       (3.1)
+contacts  = pairs that are near at the start                       (3.2)
+repeat at most `rounds` times:                                     (4)
+    v         = solve(A, load, contacts, equality rows)            (3.3, 3.4, 5)
+    hits      = continuous collision detection of the way there
+    none: commit;  else add their rows
+not clear: two half steps; at the allowed depth: zones of impact move rigidly
 """
 
 import math
@@ -105,7 +105,9 @@ class ContactStepper:
         start = Snapshot(self.state)
         steps = self.state.steps
         try:
-            grows = self.options.on_intersection == "grow" and self._known is None  # a run may be resumed while it opens
+            grows = (
+                self.options.on_intersection == "grow" and self._known is None
+            )  # a run may be resumed while it opens
             if (self.state.stale or grows) and not self._is_known():
                 self.check_start()
             report = self._advance(dt, self.options.halvings)
@@ -169,7 +171,9 @@ class ContactStepper:
             return self._wait(attempt, crossed)
         if v is None:
             self.dynamics_of.take_back(attempt)
-            return self._failed(attempt.h, f"no motion keeps apart {self._named(crossed)}: prescribed motions press them together")
+            return self._failed(
+                attempt.h, f"no motion keeps apart {self._named(crossed)}: prescribed motions press them together"
+            )
         report = self._commit(attempt, refined)
         report.last_resorts = 1
         return report
@@ -213,13 +217,20 @@ class ContactStepper:
             self.opening = Opening(self.surfaces, self._intersections)
             return
         names = [s.name for s in self.model.shapes]
-        of_edge, of_face = self.surfaces.shape[self.surfaces.edges[:, 0]], self.surfaces.shape[self.surfaces.faces[:, 0]]
-        pairs, counts = np.unique(np.sort(np.stack([of_edge[found[:, 0]], of_face[found[:, 1]]], axis=1), axis=1), axis=0, return_counts=True)
+        of_edge, of_face = (
+            self.surfaces.shape[self.surfaces.edges[:, 0]],
+            self.surfaces.shape[self.surfaces.faces[:, 0]],
+        )
+        pairs, counts = np.unique(
+            np.sort(np.stack([of_edge[found[:, 0]], of_face[found[:, 1]]], axis=1), axis=1), axis=0, return_counts=True
+        )
         told = [
             f"'{names[a]}' and {'itself' if a == b else repr(names[b])} ({n} edges through faces)"
             for (a, b), n in zip(pairs[:10], counts[:10], strict=True)
         ]
-        raise StepError(f"bodies intersect: {', '.join(told)}; move them apart, leave the pair out with contact.ignore, or let them apart with contact.on_intersection: grow")
+        raise StepError(
+            f"bodies intersect: {', '.join(told)}; move them apart, leave the pair out with contact.ignore, or let them apart with contact.on_intersection: grow"
+        )
 
     def _tell_crossings(self, report: StepReport) -> None:
         """Edges that still cross faces after a step; without any, contact is on for everything."""
@@ -229,7 +240,9 @@ class ContactStepper:
             self.opening = None
             return
         if self.opening.stuck:
-            raise StepError(f"{left} crossings of the start have not become fewer for {PATIENCE} steps; move the bodies apart")
+            raise StepError(
+                f"{left} crossings of the start have not become fewer for {PATIENCE} steps; move the bodies apart"
+            )
         report.messages.append(f"bodies that intersected are let apart: {left} edges through faces are left")
         report.status = "degraded"
 
@@ -253,7 +266,12 @@ class ContactStepper:
         speeds[dynamics.slaves] = v[centre] + np.cross(v[centre + 1], arm)
         state.now.x.assign(np.ascontiguousarray(attempt.x1))
         state.now.v.assign(np.ascontiguousarray(speeds))
-        for name, values in (("x", attempt.bx1), ("q", q), ("v", v[self.model.points :: 2]), ("w", v[self.model.points + 1 :: 2])):
+        for name, values in (
+            ("x", attempt.bx1),
+            ("q", q),
+            ("v", v[self.model.points :: 2]),
+            ("w", v[self.model.points + 1 :: 2]),
+        ):
             getattr(state.rigid, name).assign(np.ascontiguousarray(values))
         state.time = attempt.time0 + h
         state.dt = h

@@ -97,7 +97,11 @@ class Zones:
             arm = place - centre
             own = np.einsum("nij,nj->ni", n.inertia[members], np.where(spins[:, None], v, 0.0)).sum(axis=0)
             momentum = (mass[:, None] * np.cross(arm, v))[~spins].sum(axis=0) + own
-            square = np.einsum("n,nij->ij", mass, np.einsum("nk,nk->n", arm, arm)[:, None, None] * np.eye(3) - arm[:, :, None] * arm[:, None, :])
+            square = np.einsum(
+                "n,nij->ij",
+                mass,
+                np.einsum("nk,nk->n", arm, arm)[:, None, None] * np.eye(3) - arm[:, :, None] * arm[:, None, :],
+            )
             square = square + n.inertia[members].sum(axis=0)
             spin = np.linalg.lstsq(square, momentum, rcond=1e-10)[0]
         return np.where(spins[:, None], spin, velocity + np.cross(spin, place - centre))

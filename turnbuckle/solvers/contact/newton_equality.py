@@ -80,5 +80,3 @@ class EqualityRows:
         z = b.read("z", n).ravel()
         z = z - self.m_et @ self.s.solve(self.e @ z)
         b.write("z", z.reshape(-1, 3))
-
-
