@@ -94,7 +94,9 @@ def mechanisms(**more: object) -> turnbuckle.Scene:
         "mechanisms",
         **{**rest, **more},
         bodies=bodies,
-        forces=[{"name": "wind", "body": "slider", "expression": ["0.3 * sin(40 * t)", "0", 0], "torque": ["0.1", 0, 0]}],
+        forces=[
+            {"name": "wind", "body": "slider", "expression": ["0.3 * sin(40 * t)", "0", 0], "torque": ["0.1", 0, 0]}
+        ],
         constraints=constraints,
     )
 

@@ -14,7 +14,9 @@ MU = 0.4
 
 def sliding(integrator: str, dt: float = 2e-3, **contact: object) -> turnbuckle.Simulation:
     """A cloth that falls flat, and a rigid box thrown over the ground."""
-    scene = turnbuckle.Scene("sliding", dt=dt, integrator=integrator, contact={"delta": 4e-3, "friction": MU, **contact})
+    scene = turnbuckle.Scene(
+        "sliding", dt=dt, integrator=integrator, contact={"delta": 4e-3, "friction": MU, **contact}
+    )
     scene.add_obstacle("ground", plane=[4, 4])
     scene.add_cloth(
         "cloth", size=[0.4, 0.4], cells=[2, 2], position=[-0.5, -0.2, 0.01], density=0.5, structural_stiffness=50.0,
@@ -35,7 +37,9 @@ def test_a_thrown_box_slides_as_far_as_friction_says(integrator: str) -> None:
     assert simulation.center("box")[0] - 0.5 == pytest.approx(way, rel=0.03)
     assert np.abs(np.concatenate(simulation.velocity("box"))).max() < 2e-3  # at rest: no scheme shows a false speed
     still = np.abs(simulation.velocities("cloth")).max()
-    assert still < (0.6 * 9.81 * simulation.dt if integrator == "verlet" else 2e-3)  # v of Verlet is that of one step ago, as printed
+    assert still < (
+        0.6 * 9.81 * simulation.dt if integrator == "verlet" else 2e-3
+    )  # v of Verlet is that of one step ago, as printed
     assert simulation.positions("cloth")[:, 2].min() > 3e-3
 
 

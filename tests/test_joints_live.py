@@ -82,7 +82,14 @@ def test_a_joint_added_in_the_run_holds_from_the_next_step() -> None:
 
 def test_a_joint_on_a_curve_can_be_switched() -> None:
     wire = {"points": [[-1, 0, 0], [0, 0, 0], [1, 0.2, 0], [2, 0, 0]], "interpolation": "spline"}
-    joint = {"type": "joint", "name": "wire", "body1": "b", "local_pos0": [0, 0, 0], "local_pos1": [0, 0, 0], "curve": wire}
+    joint = {
+        "type": "joint",
+        "name": "wire",
+        "body1": "b",
+        "local_pos0": [0, 0, 0],
+        "local_pos1": [0, 0, 0],
+        "curve": wire,
+    }
     scene = turnbuckle.Scene("bead", dt=DT, bodies=[box("b", [0, 0, 0], velocity=[1, 0, 0])], constraints=[joint])
     simulation = turnbuckle.Simulation(scene)
     for _ in range(20):

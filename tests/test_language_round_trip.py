@@ -113,7 +113,9 @@ def plain(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         return plain(value.tolist())
     if isinstance(value, dict):
-        return {k: [str(c) for c in v] if k in ("expression", "torque", "between") else plain(v) for k, v in value.items()}
+        return {
+            k: [str(c) for c in v] if k in ("expression", "torque", "between") else plain(v) for k, v in value.items()
+        }
     if isinstance(value, list):
         return [plain(inner) for inner in value]
     return float(value).hex() if isinstance(value, (int, float)) and not isinstance(value, bool) else value

@@ -142,7 +142,9 @@ def test_joints_that_start_open() -> None:
     assert inspect_scene(scene).warnings == []
     scene.add_rigid("far", box=[0.1, 0.1, 0.1], position=[1, 1, 1])
     scene.add_joint("revolute", "open", body1="far", local_pos0=[1, 1, 0.7], local_pos1=[0, 0, 0], axis=[0, 0, 1])
-    scene.add_joint("joint", "turned", body1="far", angle={"axis0": [0, 0, 1], "axis1": [1, 0, 0], "min": 0, "max": 1.0})
+    scene.add_joint(
+        "joint", "turned", body1="far", angle={"axis0": [0, 0, 1], "axis1": [1, 0, 0], "min": 0, "max": 1.0}
+    )
     (warning,) = inspect_scene(scene).warnings
     assert "'open' by 0.3 m" in warning and "'turned' by 0.571 rad" in warning and "turnbuckle assemble" in warning
     assert warning.startswith("2 joints start open")

@@ -50,7 +50,8 @@ def unpack_joints(
                 "resume with the scene it was made of, and change it in the run"
             )
     if scene_parts != fresh.scene_parts or any(
-        not np.array_equal(getattr(parts, name)[:scene_parts], getattr(fresh.parts, name)) for name in ("kind", "a", "b")
+        not np.array_equal(getattr(parts, name)[:scene_parts], getattr(fresh.parts, name))
+        for name in ("kind", "a", "b")
     ):
         raise InputError(
             f"checkpoint {shown}: is of another scene (its joints differ); resume with the scene it was made of"

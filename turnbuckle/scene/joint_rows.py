@@ -99,4 +99,3 @@ def acting_at_start(state: State) -> tuple[list[Joint], np.ndarray]:
     """All joints, and which of them act at the start (joints,) bool."""
     joints = list(state.joints.values())
     return joints, np.array([j.enabled and j.start <= 0.0 < j.end for j in joints], dtype=bool)
-
