@@ -90,7 +90,7 @@ def status_html(frame: Frame) -> str:
         f'<div style="font-size:1.35em;font-variant-numeric:tabular-nums">{frame.time:.3f} s'
         f'<span style="float:right;font-size:0.7em;color:white;background:{css(STATUS.get(word, STATUS[""]))};'
         f'border-radius:0.6em;padding:0.15em 0.7em;margin-top:0.2em">{word}</span></div>',
-        f'<div style="opacity:0.65">step {frame.steps} · dt {number(frame.dt, "s")} · {frame.ms:.2g} ms a step{rate}'
+        f'<div style="opacity:0.65">step {frame.steps} · dt {number(frame.dt, "s")} · {number(1e-3 * frame.ms, "s")} a step{rate}'
         f"{touching}</div>",
     ]
     lines += [f'<div style="color:{css(STATUS["failed"])}">{html.escape(m)}</div>' for m in frame.messages[:2]]
