@@ -1,6 +1,7 @@
 """The tab "Constraints": a switch each, residual and force as colour and number. A fixed number of rows is reused."""
 
 import html
+from concurrent.futures import Future
 from typing import Any
 
 from turnbuckle.live.frame import Frame, Reading
@@ -78,7 +79,12 @@ class _Row:
             return
         self._wanted = bool(self.switch.value)
         done = self._session.switch(self.name, self._wanted)
-        done.add_done_callback(lambda _: setattr(self, "_wanted", None))
+        done.add_done_callback(self._done)
+
+    def _done(self, done: "Future[None]") -> None:
+        """What was refused is no longer wanted; what was carried out is, until a reading says so."""
+        if done.cancelled() or done.exception() is not None:
+            self._wanted = None
 
     def update(self, reading: Reading | None, size: float) -> None:
         """Show a reading, or nothing."""
@@ -92,6 +98,8 @@ class _Row:
         if reading.name != self.name:
             self.name = reading.name
             self.switch.label = reading.name
+            self._wanted = None
+        if self._wanted == reading.on:
             self._wanted = None
         if self._wanted is None and self.switch.value != reading.on:
             self.switch.value = reading.on
