@@ -54,7 +54,6 @@ def test_the_floor_carries_the_weight(kind: str) -> None:
         assert np.linalg.norm(speed(sim, f"b{k}")) < 0.01 * G * 0.1
 
 
-@pytest.mark.xfail(reason="impulses of piles are found anew in every step, to the tolerance only")
 @pytest.mark.parametrize("kind", ["rigid", pytest.param("soft", marks=pytest.mark.slow)])
 def test_a_pile_does_not_wander(kind: str) -> None:
     sim = pile(kind, 0.01)

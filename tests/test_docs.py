@@ -48,8 +48,13 @@ def command(line: str) -> Result:
     return result
 
 
+NEEDED = {"view.md": ("viser",)}  # optional packages of pages
+
+
 @pytest.mark.parametrize("page", [p for p in PAGES if list(blocks(p))], ids=named)
 def test_code_blocks_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for extra in NEEDED.get(page.name, ()):
+        pytest.importorskip(extra)
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {"__name__": "__page__"}
     for language, text, line in blocks(page):

@@ -67,6 +67,7 @@ _HOMES = {
     "solve_contact": "step.contact_tools",
     "sweep": "sweeps.sweep",
     "time_of_impact": "contact.ccd_bulk",
+    "view": "live.show",
 }
 
 __all__ = [
@@ -74,7 +75,7 @@ __all__ = [
     "InputError", "Model", "RunReport", "Scene", "Simulation", "State", "StepError", "StepReport", "Stepper", "SurfacePart",
     "Surfaces", "SweepResult", "TurnbuckleError", "assemble", "contact_problem", "export_recording", "export_scene",
     "import_scene", "intersections", "make_surfaces", "pose", "refine_contacts", "run_scene", "solve_contact", "sweep",
-    "time_of_impact",
+    "time_of_impact", "view",
 ]  # fmt: skip
 
 

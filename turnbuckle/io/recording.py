@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,10 @@ class Recording:
     x: Callable[[int], np.ndarray]  # frame -> positions [m], (points, 3) float64
     v: Callable[[int], np.ndarray]  # frame -> velocities [m/s], (points, 3) float64
     info: dict[str, Any]  # with up_axis, frames_per_second, schema_version
+
+    def view(self, **options: Any) -> Any:
+        """Play the recording in the browser, or in a notebook: `turnbuckle.live.view` with its options."""
+        return import_module("turnbuckle.live.show").view(self, **options)  # above this layer: loaded when asked for
 
     def __len__(self) -> int:
         return len(self.times)

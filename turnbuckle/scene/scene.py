@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -217,6 +218,10 @@ class Scene:
         The value is YAML. Raises `InputError` that names the field; the scene is then unchanged.
         """
         self.definition = override(self.definition, assignment, {"folder": self.folder})
+
+    def view(self, **options: Any) -> Any:
+        """Show the scene in the browser, or in a notebook: `turnbuckle.view` with its options."""
+        return import_module("turnbuckle.live.show").view(self, **options)  # above this layer: loaded when asked for
 
     def build(self, device: str = "cpu") -> tuple[Model, State]:
         """The model (constant) and its first state, on ``device`` ("cpu", "cuda:0").

@@ -28,6 +28,8 @@ def reactions(model: Model, state: State, articulated: Any) -> tuple[np.ndarray,
     """Forces on body1 [N], and torques about the joint's place [N m], of all parts, (parts, 3) each, world axes."""
     n = state.parts.count
     articulated.update_windows(max(state.dt, 1e-9))  # joints that act from now on
+    if articulated.system.joint_parts != n:
+        articulated.follow()  # joints were added or removed since the last step
     system = articulated.system
     bodies = model.rigid
     now = {name: getattr(state.rigid, name).numpy().copy() for name in "xqvw"}
