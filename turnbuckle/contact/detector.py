@@ -10,6 +10,7 @@ from turnbuckle.data.contact import VERTEX_FACE, Contacts, Pairs, Surfaces
 
 REACH = 1.5  # of delta: pairs nearer than this are rows from the start
 KEPT = 0.5  # of delta: the distance that continuous collision detection certifies
+PARALLEL = 20_000  # vertices below which threads lose more at their meetings than they save
 START = 0.9  # of the distance at the start: certified where that is less
 
 
@@ -18,9 +19,10 @@ class Detector:
 
     def __init__(self, surfaces: Surfaces, moves: np.ndarray, device: str = "cpu", method: str = "bvh") -> None:
         self.surfaces = surfaces
-        self.broad = BroadPhase(surfaces, device, method, moves=moves)
-        self.ccd = Ccd(surfaces, device)
-        self.proximity = Proximity(surfaces, device)
+        threads = 1 if surfaces.vertices < PARALLEL else None
+        self.broad = BroadPhase(surfaces, device, method, moves=moves, threads=threads)
+        self.ccd = Ccd(surfaces, device, threads)
+        self.proximity = Proximity(surfaces, device, threads)
         self.reach = REACH
         self.smallest_gap = np.inf  # [m] certified by the last call of :meth:`crossed`
         self._largest = float(surfaces.delta.max(initial=0.0))

@@ -38,6 +38,7 @@ BATCH = 8  # iterations of conjugate gradients between two looks at the result
 CG_LIMIT = 200.0
 TILES = 64
 SMALL = 500  # blocks and contacts below which one thread does all
+PARALLEL = 20_000  # blocks and contacts below which threads lose more at their meetings than they save
 SLOW = 0.8  # multipliers that gain less a round make the penalty grow
 GROWTH = 1.5
 AGAIN = 2  # Newton steps between two factorisations of small bodies, which hold what their contacts add to the diagonal
@@ -99,7 +100,7 @@ class NewtonSolver:
         if problem.e is not None and problem.e.shape[0]:
             self.rows = EqualityRows(problem, b)
         self._find_parts(problem)
-        self._record(tiles)
+        self._record(tiles, 1 if self.threads is None and max(n, m) < PARALLEL else self.threads)
         guess = np.array(problem.free if velocity is None else velocity, dtype=float).reshape(-1, 3)
         if problem.fixed is not None:
             guess[problem.fixed] = problem.free.reshape(-1, 3)[problem.fixed]
@@ -216,8 +217,8 @@ class NewtonSolver:
         self._blocks = len(left_out)
         self.drift.take(a, problem.fixed)
 
-    def _record(self, tiles: int) -> None:
-        key = (self.buffers.grown, tiles, self.rows is not None)
+    def _record(self, tiles: int, threads: int | None) -> None:
+        key = (self.buffers.grown, tiles, threads, self.rows is not None)
         if key == self._key:
             return
         self._key = key
@@ -226,7 +227,7 @@ class NewtonSolver:
         grain = 512 if tiles > 1 else 1
 
         def program(*launches: tuple | Callable[[], None]) -> Program:
-            out = Program(self.device, self.threads)
+            out = Program(self.device, threads)
             for launch in launches:
                 if callable(launch):
                     out.host(launch)
