@@ -70,9 +70,8 @@ class Attempt:
             stepper.opening.look(self.s0)
             self.parting = np.full(stepper.opening.count, stepper.options.recovery)
         self.started = False
-        self.rough = (
-            state.contact_found and not self.closing.exists
-        )  # the first contacts are not the last ones: no need for all digits
+        # Where the last step found contacts on its way, the first ones are not the last: no need for all digits.
+        self.rough = state.contact_found and not self.closing.exists
         state.contact_found = False
         self.a: sp.bsr_array
         self.base: np.ndarray  # (n, 3) of `ContactProblem.free`

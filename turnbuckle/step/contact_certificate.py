@@ -11,6 +11,7 @@ w is the mean of the diagonal of ``J D_A^-1 J^T``, the local inverse mass of the
 import numpy as np
 
 from turnbuckle.data.contact import ContactProblem
+from turnbuckle.linalg.block_matrix import diagonal_blocks
 
 
 def contact_conditions(problem: ContactProblem, velocity: np.ndarray, impulse: np.ndarray) -> dict[str, float]:
@@ -37,9 +38,7 @@ def contact_conditions(problem: ContactProblem, velocity: np.ndarray, impulse: n
 def inverse_masses(problem: ContactProblem) -> np.ndarray:
     """w of each contact (m,) [1/kg]."""
     a, j = problem.a, problem.j
-    n = a.shape[0] // 3
-    own = np.flatnonzero(np.repeat(np.arange(n), np.diff(a.indptr)) == a.indices)
-    local = np.linalg.inv(a.data[own])
+    local = np.linalg.inv(diagonal_blocks(a.data, a.indptr, a.indices))
     if problem.fixed is not None:
         local[problem.fixed] = 0.0
     here = j.data

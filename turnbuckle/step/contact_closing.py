@@ -13,6 +13,7 @@ import scipy.sparse.linalg as spla
 
 from turnbuckle.data.contact import ContactProblem
 from turnbuckle.data.rows import Rows
+from turnbuckle.linalg.block_matrix import diagonal_blocks
 from turnbuckle.step.contact_joints import ContactJoints
 from turnbuckle.step.contact_rows import PointMap
 
@@ -144,9 +145,7 @@ class Closing:
         """D_A^-1, the metric of the corrections."""
         if self._local is None:
             a, n = problem.a, len(problem.free) // 3
-            rows = np.repeat(np.arange(n), np.diff(a.indptr))
-            own = np.zeros((n, 3, 3))
-            own[rows[rows == a.indices]] = a.data[rows == a.indices]
+            own = diagonal_blocks(a.data, a.indptr, a.indices)
             self._local = sp.bsr_array((np.linalg.inv(own), np.arange(n), np.arange(n + 1)), shape=a.shape).tocsr()
         return self._local
 

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.sparse as sp
 
-from turnbuckle.compute import host
 from turnbuckle.constraints import rows as constraint_rows
 from turnbuckle.data.rows import Rows
 from turnbuckle.data.state import State
@@ -56,8 +55,3 @@ def point_rows(state: State, rows: Rows, h: float, x: np.ndarray, arms: np.ndarr
     wanted = np.einsum("rij,rj->ri", held, (rows.target - w @ x) / h).ravel()
     kept = np.flatnonzero(np.abs(held).sum(axis=2).ravel() > 0.0)
     return Equalities(None, rows, matrix[kept], wanted[kept])
-
-
-def start_of(state: State) -> np.ndarray:
-    """Positions of points at the start of the step (points, 3) [m]."""
-    return host(state.now.x)

@@ -162,6 +162,7 @@ class ContactStepper:
     def _last_resort(self, attempt: Attempt, refined: Refined) -> StepReport:
         """Move whatever still crosses rigidly."""
         dynamics = self.dynamics
+        attempt.rough = False  # zones take the motion as it is: nothing is solved again
         with self.timed("zones"):
             zones = Zones(dynamics.nodes(attempt.a, attempt.prescribed), attempt.closing.e)
             v, crossed = clear_with_zones(

@@ -9,6 +9,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from turnbuckle.data.contact import ContactProblem
+from turnbuckle.linalg.block_matrix import diagonal_blocks
 from turnbuckle.solvers.contact.newton_buffers import Buffers
 
 SLIGHT = 1e-12  # of the diagonal of S: what keeps rows that repeat each other solvable
@@ -32,10 +33,8 @@ class EqualityRows:
 
     def _inverse(self, problem: ContactProblem) -> sp.csr_array:
         """D_A^-1: the metric in which velocities are first put on the rows."""
-        n = self.blocks
-        rows = np.repeat(np.arange(n), np.diff(problem.a.indptr))
-        own = np.zeros((n, 3, 3))
-        own[rows[rows == problem.a.indices]] = problem.a.data[rows == problem.a.indices]
+        n, a = self.blocks, problem.a
+        own = diagonal_blocks(a.data, a.indptr, a.indices)
         return sp.bsr_array((np.linalg.inv(own), np.arange(n), np.arange(n + 1)), shape=(3 * n, 3 * n)).tocsr()
 
     def _factor(self, m: sp.csr_array) -> None:

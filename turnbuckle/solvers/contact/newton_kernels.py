@@ -21,8 +21,6 @@ TRIES = wp.constant(5)  # iterations made
 GRADIENT = wp.constant(6)  # largest |D_A^-1 g| [m/s]
 PRIMAL = wp.constant(7)  # largest |r - l| / rho [m/s]
 SHIFT = wp.constant(8)  # largest error of the shift [m/s]
-MERIT = wp.constant(9)
-SLOPE = wp.constant(10)
 SCALARS = 16
 
 
