@@ -26,6 +26,7 @@ class StepReport:
     iterations: dict[str, int] = field(default_factory=dict)  # by solver
     rounds: int = 0  # of constraint manifold refinement
     halvings: int = 0
+    intersections: int = 0  # edges through faces in the committed state
     last_resorts: int = 0  # times that zones of impact had to be moved rigidly
     contacts: int = 0  # rows of non-penetration in the last solve
     touching: int = 0  # of them, those that push
@@ -63,6 +64,7 @@ def merge_reports(first: StepReport, second: StepReport) -> StepReport:
     out.rounds, out.contacts, out.touching = (
         max(getattr(first, n), getattr(second, n)) for n in ("rounds", "contacts", "touching")
     )
+    out.intersections = max(first.intersections, second.intersections)
     out.last_resorts = first.last_resorts + second.last_resorts
     gaps = [r.smallest_gap for r in (first, second) if r.smallest_gap is not None]
     out.smallest_gap = min(gaps, default=None)
@@ -99,7 +101,7 @@ class RunReport:
     worst_rate_residual: dict[str, float] = field(default_factory=dict)  # by constraint kind [m/s]
     worst_conflict: float = 0.0  # [m], what constraints that contradict each other miss by
     smallest_gap: float | None = None  # [m]
-    intersections: int = 0
+    intersections: int = 0  # most edges through faces in a committed state
     contacts_max: int = 0
     contact_residual: dict[str, float] = field(default_factory=dict)  # worst by condition [m/s]
     momentum_error: dict[str, float] = field(default_factory=lambda: {"linear": 0.0, "angular": 0.0})  # relative

@@ -93,6 +93,7 @@ class Tally:
             _count(result.iterations.setdefault(solver, {}), n)
         result.halvings += report.halvings
         result.last_resorts += report.last_resorts
+        result.intersections = max(result.intersections, report.intersections)
         result.contacts_max = max(result.contacts_max, report.contacts)
         for condition, value in report.contact_residual.items():
             result.contact_residual[condition] = max(value, result.contact_residual.get(condition, 0.0))

@@ -18,7 +18,7 @@ import numpy as np
 
 from turnbuckle.compute import host
 from turnbuckle.constraints.activation import break_rows, update_windows
-from turnbuckle.contact.detector import Detector
+from turnbuckle.contact.detector import PARALLEL, Detector
 from turnbuckle.contact.intersections import Intersections
 from turnbuckle.contact.manifold import Refined, no_contacts, refine
 from turnbuckle.data.contact import Contacts
@@ -77,8 +77,8 @@ class ContactStepper:
             self.joint_reports = JointReports(model, state, self.joints)
         self.articulated = self.joint_reports.articulated
         self.dynamics.alpha, self.dynamics.beta = self.dynamics_of.alpha, self.dynamics_of.beta
-        self._intersections: Intersections | None = None
-        self._moves = moves
+        threads = 1 if self.surfaces.vertices < PARALLEL else None
+        self._intersections = Intersections(self.surfaces, model.device, moves, threads)
         self._seconds: dict[str, float] = {}
         self.opening: Opening | None = None  # crossings of the start that are let apart
         self._scripts = bool(model.rigid.trajectories) or any(s.moves for s in model.scripted)
@@ -207,11 +207,8 @@ class ContactStepper:
 
     def check_start(self) -> None:
         """Refuse a state that intersects, with the pairs in a StepError, or begin to let it apart."""
-        x = self.surfaces.positions(self.state.positions())
-        if self._intersections is None:
-            self._intersections = Intersections(self.surfaces, self.model.device, self._moves)
         self.opening = None
-        found = self._intersections.find(x)
+        found = self._crossings(touching=True)
         if len(found) == 0:
             return
         if self.options.on_intersection == "grow":
@@ -232,6 +229,10 @@ class ContactStepper:
         raise StepError(
             f"bodies intersect: {', '.join(told)}; move them apart, leave the pair out with contact.ignore, or let them apart with contact.on_intersection: grow"
         )
+
+    def _crossings(self, touching: bool) -> np.ndarray:
+        """Edges and faces that meet at the state, (k, 2); measured on positions alone."""
+        return self._intersections.find(self.surfaces.positions(self.state.positions()), touching)
 
     def _tell_crossings(self, report: StepReport) -> None:
         """Edges that still cross faces after a step; without any, contact is on for everything."""
@@ -305,6 +306,11 @@ class ContactStepper:
         report.touching = int((attempt.solution.impulse[: report.contacts, 0] > 0.0).sum())
         gap = self.detector.smallest_gap
         report.smallest_gap = gap if np.isfinite(gap) else None
+        with self.timed("report"):
+            report.intersections = len(self._crossings(touching=False))
+        if report.intersections and self.opening is None:
+            report.messages.append(f"{report.intersections} edges go through faces")
+            report.status = "degraded"
 
     def _is_known(self) -> bool:
         """Whether points are where the last step has put them, whatever else was changed."""
