@@ -1,16 +1,19 @@
 """Detection for one step: what is near at its start, and what a motion crosses (Contact, 3.2)."""
 
+import math
+
 import numpy as np
 
 from turnbuckle.contact.broad import BroadPhase
 from turnbuckle.contact.ccd_pairs import Ccd
-from turnbuckle.contact.manifold import no_contacts
+from turnbuckle.contact.manifold import first_met, no_contacts
 from turnbuckle.contact.proximity import Proximity
 from turnbuckle.data.contact import VERTEX_FACE, Contacts, Pairs, Surfaces
 
 REACH = 1.5  # of delta: pairs nearer than this are rows from the start
 KEPT = 0.5  # of delta: the distance that continuous collision detection certifies
 PARALLEL = 20_000  # vertices below which threads lose more at their meetings than they save
+FLAT = 0.25  # [rad] edges whose faces turn by less are inside of a face
 START = 0.9  # of the distance at the start: certified where that is less
 
 
@@ -25,7 +28,9 @@ class Detector:
         self.proximity = Proximity(surfaces, device, threads)
         self.reach = REACH
         self.smallest_gap = np.inf  # [m] certified by the last call of :meth:`crossed`
-        self._largest = float(surfaces.delta.max(initial=0.0))
+        shapes = int(surfaces.shape.max(initial=-1)) + 1
+        open_edges = surfaces.edges[(surfaces.edge_faces < 0).any(axis=1), 0]
+        self._closed = ~np.isin(surfaces.shape, surfaces.shape[open_edges]) if shapes else np.zeros(0, dtype=bool)
 
     def deltas(self, kind: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """The distance that pairs keep (n,) [m], the mean of both sides."""
@@ -42,6 +47,44 @@ class Detector:
         if pairs.count == 0:
             return no_contacts()
         return self.proximity.contacts(pairs, x0, self.reach * self.deltas(pairs.kind, pairs.a, pairs.b))
+
+    def chosen(self, found: Contacts, x0: np.ndarray) -> Contacts:
+        """Of what a motion crosses, what says most: that which each place meets first, from the right side.
+
+        A motion that leads through a body meets its front, then its back from inside, and a row for the back would hold
+        what crosses inside. And the edges inside of a flat face meet nothing that its vertices, those of the other side
+        and outlines do not. Whatever is left out and still in the way is found in the next round.
+        """
+        face = found.kind == VERTEX_FACE
+        a, b = np.where(face, 0, found.a), np.where(face, 0, found.b)
+        normals, vertex_normals = self._outwards(x0)
+        outside = np.ones(found.count, dtype=bool)
+        flat = np.zeros(found.count, dtype=bool)
+        v, f = found.a[face], found.b[face]
+        n = found.normal[face]
+        outside[face] = ~((self._closed[self.surfaces.faces[f, 0]] & (_dot(n, normals[f]) < 0.0))
+                          | (self._closed[v] & (_dot(n, vertex_normals[v]) > 0.0)))  # fmt: skip
+        n = found.normal[~face]
+        for edge, sign in ((found.a[~face], 1.0), (found.b[~face], -1.0)):
+            sides = self.surfaces.edge_faces[edge]
+            one, two = normals[sides[:, 0]], normals[sides[:, 1]]
+            both = (sides >= 0).all(axis=1)
+            out = sign * _dot(n, one + two)
+            outside[~face] &= ~(self._closed[self.surfaces.edges[edge, 0]] & (out > 0.0))
+            flat[~face] |= both & (_dot(one, two) > math.cos(FLAT))
+        for kept in (outside & ~flat, outside):
+            if kept.any():
+                return first_met(found.part(kept))
+        return first_met(found)
+
+    def _outwards(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Unit normals of faces and of vertices (their sums) at ``x``; a row of zeros for face -1."""
+        faces = self.surfaces.faces
+        normal = np.cross(x[faces[:, 1]] - x[faces[:, 0]], x[faces[:, 2]] - x[faces[:, 0]])
+        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+        count = self.surfaces.vertices
+        sums = [np.bincount(faces.ravel(), np.repeat(normal[:, k], 3), minlength=count) for k in range(3)]
+        return np.concatenate([normal, np.zeros((1, 3))]), np.stack(sums, axis=1)
 
     def crossed(self, x0: np.ndarray, x1: np.ndarray) -> Contacts:
         """Contacts of pairs that come too near on the straight way from ``x0`` to ``x1``."""
@@ -60,6 +103,10 @@ class Detector:
             walked = self.ccd.walk(pairs, x0, x1, 0.0) if contacts.count == 0 else walked
         self.smallest_gap = walked.smallest_gap
         return contacts
+
+
+def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return np.einsum("nd,nd->n", a, b)
 
 
 def _joined_in_order(contacts: Contacts, kept: np.ndarray, more: Contacts) -> Contacts:

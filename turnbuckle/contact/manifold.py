@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from turnbuckle.data.contact import Contacts
+from turnbuckle.data.contact import VERTEX_FACE, Contacts
 
 
 @dataclass
@@ -43,16 +43,35 @@ def no_contacts() -> Contacts:
     )  # fmt: skip
 
 
+def first_met(found: Contacts) -> Contacts:
+    """Of what a motion crosses, that which each vertex and each edge meets first.
+
+    A vertex that goes through a body meets its front before its back, and a row for the back would hold it inside. What is
+    left out and still in the way is found in the next round.
+    """
+    rows = np.arange(found.count)
+    edges = rows[found.kind != VERTEX_FACE]
+    row = np.concatenate([rows, edges])  # as a vertex or the first edge, then as the second edge
+    place = np.concatenate([found.a, found.b[edges]])
+    order = np.lexsort((row, found.time[row], place, found.kind[row]))
+    place, kind = place[order], found.kind[row[order]]
+    first = np.ones(len(order), dtype=bool)
+    first[1:] = (place[1:] != place[:-1]) | (kind[1:] != kind[:-1])
+    return found.part(np.unique(row[order[first]]))
+
+
 def refine(
     contacts: Contacts,
     solve: Callable[[Contacts], np.ndarray | None],
     crossed: Callable[[np.ndarray], Contacts],
     rounds: int = 5,
+    choose: Callable[[Contacts], Contacts] = first_met,
 ) -> Refined:
     """Refine ``contacts`` until the motion that ``solve`` answers them with crosses nothing, at most ``rounds`` times.
 
     ``solve(contacts)`` gives positions (s, 3) [m] of the surface vertices at the end of the step, or None where it finds
-    none (refinement ends, not clear); ``crossed(x1)`` what the straight way there comes too near to.
+    none (refinement ends, not clear); ``crossed(x1)`` what the straight way there comes too near to; ``choose`` which of
+    these become rows, at least one.
     """
     found = no_contacts()
     for n in range(1, rounds + 1):
@@ -63,5 +82,5 @@ def refine(
         if found.count == 0:
             return Refined(contacts, found, n)
         if n < rounds:
-            contacts = joined(contacts, found)
+            contacts = joined(contacts, choose(found))
     return Refined(contacts, found, rounds)

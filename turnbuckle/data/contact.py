@@ -77,6 +77,10 @@ class Contacts:
         """Contacts."""
         return len(self.kind)
 
+    def part(self, which: np.ndarray) -> "Contacts":
+        """Some of them: numbers, or (n,) bool."""
+        return Contacts(*(getattr(self, name)[which] for name in self.__dataclass_fields__))
+
 
 @dataclass
 class ContactProblem:

@@ -18,6 +18,7 @@ wp.set_module_options({"enable_backward": False})
 
 I32 = wp.array(dtype=wp.int32)
 F64 = wp.array(dtype=wp.float64)
+F32 = wp.array(dtype=wp.float32)
 SMALLEST, LARGEST = 2, 250  # blocks of a part that is factored
 
 
@@ -59,7 +60,7 @@ def find_parts(indptr: np.ndarray, indices: np.ndarray, left_out: np.ndarray) ->
         inside = local[row] >= 0
         np.minimum.at(lead, local[row[inside]], local[indices[inside]])
     width = 3 * (np.arange(len(nodes)) - lead)
-    lengths = 3 * width + 6  # rows of width + 1, + 2, + 3
+    lengths = 3 * (width + 3)
     start = np.cumsum(lengths) - lengths
     return Parts(
         nodes, offsets.astype(np.int32), lead.astype(np.int32), start.astype(np.int32), int(lengths.sum()), local
@@ -68,121 +69,140 @@ def find_parts(indptr: np.ndarray, indices: np.ndarray, left_out: np.ndarray) ->
 
 @wp.func_native(
     """
+    // With s = width + 3, row k of block i is number[start[i] + k s ...], and its first column is 3 lead[i]. Of diagonal
+    // blocks the lower triangle counts, and its diagonal is inverted. Products run in four lanes, so that they fill the
+    // registers of a processor.
     double* l = number.data;
     const double* aa = (const double*)a.data;
-    // row s = 3 i + k of block i begins at start[i] + k width + k (k - 1) / 2 + k, its first column is 3 lead[i]
     for (int i = first; i < last; ++i) {
-        const int width = 3 * (i - lead.data[i]);
+        const int width = 3 * (i - lead.data[i]), s = width + 3;
         double* row = l + start.data[i];
-        for (int q = 0; q < 3 * width + 6; ++q) row[q] = 0.0;
+        for (int q = 0; q < 3 * s; ++q) row[q] = 0.0;
         const int block = nodes.data[i];
         if (fixed.data[block]) {
-            row[width] = row[2 * width + 2] = row[3 * width + 5] = 1.0;
-            continue;
-        }
-        for (int e = starts.data[block]; e < starts.data[block + 1]; ++e) {
-            const int j = local.data[others.data[e]];
-            if (j < first || j > i || fixed.data[others.data[e]]) continue;
-            const double* b = j == i ? (const double*)diagonal.data + 9 * (size_t)block : aa + 9 * (size_t)e;
-            const int at = 3 * (j - lead.data[i]);
-            for (int k = 0; k < 3; ++k)
-                for (int c = 0; c < 3 && (j < i || c <= k); ++c) row[k * width + k * (k + 1) / 2 + at + c] = b[3 * k + c];
-        }
-        for (int k = 0; k < 3; ++k) {
-            double* own = row + k * width + k * (k + 1) / 2;
-            const int begin = 3 * lead.data[i], end = 3 * i + k;
-            double diagonal = own[end - begin];
-            for (int c = begin; c < end; ++c) {
-                const int j = c / 3, m = c - 3 * j;
-                const int from = 3 * lead.data[j], w = 3 * (j - lead.data[j]);
-                const double* other = l + start.data[j] + m * w + m * (m + 1) / 2;
-                const int low = from > begin ? from : begin, n = c - low;
-                const double *p = own + (low - begin), *q = other + (low - from);
-                double s0 = 0.0, s1 = 0.0, s2 = 0.0, s3 = 0.0;
-                int t = 0;
-                for (; t + 3 < n; t += 4) {
-                    s0 += p[t] * q[t]; s1 += p[t + 1] * q[t + 1]; s2 += p[t + 2] * q[t + 2]; s3 += p[t + 3] * q[t + 3];
-                }
-                for (; t < n; ++t) s0 += p[t] * q[t];
-                const double value = (own[c - begin] - ((s0 + s1) + (s2 + s3))) * other[c - from];  // its diagonal is inverted
-                own[c - begin] = value;
-                diagonal -= value * value;
+            for (int k = 0; k < 3; ++k) row[k * s + width + k] = 1.0;
+        } else {
+            for (int e = starts.data[block]; e < starts.data[block + 1]; ++e) {
+                const int j = local.data[others.data[e]];
+                if (j < first || j > i || fixed.data[others.data[e]]) continue;
+                const double* b = j == i ? (const double*)diagonal.data + 9 * (size_t)block : aa + 9 * (size_t)e;
+                for (int k = 0; k < 3; ++k)
+                    for (int c = 0; c < 3; ++c) row[k * s + 3 * (j - lead.data[i]) + c] = b[3 * k + c];
             }
-            own[end - begin] = diagonal > 0.0 ? 1.0 / sqrt(diagonal) : 0.0;
+            for (int j = lead.data[i]; j <= i; ++j) {
+                const int wide = 3 * (j - lead.data[j]), t = wide + 3;
+                const int low = lead.data[i] > lead.data[j] ? lead.data[i] : lead.data[j], n = 3 * (j - low);
+                const double *p0 = row + 3 * (low - lead.data[i]), *p1 = p0 + s, *p2 = p1 + s;
+                const double *q0 = l + start.data[j] + 3 * (low - lead.data[j]), *q1 = q0 + t, *q2 = q1 + t;
+                double d[9][4] = {};
+                int c = 0;
+                for (; c + 3 < n; c += 4)
+                    for (int k = 0; k < 4; ++k) {
+                        d[0][k] += p0[c + k] * q0[c + k]; d[1][k] += p0[c + k] * q1[c + k]; d[2][k] += p0[c + k] * q2[c + k];
+                        d[3][k] += p1[c + k] * q0[c + k]; d[4][k] += p1[c + k] * q1[c + k]; d[5][k] += p1[c + k] * q2[c + k];
+                        d[6][k] += p2[c + k] * q0[c + k]; d[7][k] += p2[c + k] * q1[c + k]; d[8][k] += p2[c + k] * q2[c + k];
+                    }
+                for (; c < n; ++c) {
+                    d[0][0] += p0[c] * q0[c]; d[1][0] += p0[c] * q1[c]; d[2][0] += p0[c] * q2[c];
+                    d[3][0] += p1[c] * q0[c]; d[4][0] += p1[c] * q1[c]; d[5][0] += p1[c] * q2[c];
+                    d[6][0] += p2[c] * q0[c]; d[7][0] += p2[c] * q1[c]; d[8][0] += p2[c] * q2[c];
+                }
+                double* x = row + 3 * (j - lead.data[i]);
+                for (int k = 0; k < 3; ++k)
+                    for (int m = 0; m < 3; ++m) {
+                        const double* sum = d[3 * k + m];
+                        x[k * s + m] -= (sum[0] + sum[1]) + (sum[2] + sum[3]);
+                    }
+                const double* o = j < i ? l + start.data[j] + wide : x;  // the diagonal block of j
+                for (int k = 0; k < 3; ++k)
+                    for (int m = 0; m < 3; ++m) {
+                        double value = x[k * s + m];
+                        if (j == i && m > k) { x[k * s + m] = 0.0; continue; }
+                        for (int r = 0; r < m; ++r) value -= x[k * s + r] * o[m * t + r];
+                        if (j == i && m == k) x[k * s + m] = value > 0.0 ? 1.0 / sqrt(value) : 0.0;
+                        else x[k * s + m] = value * o[m * t + m];
+                    }
+            }
         }
+        float* light = light_out.data + start.data[i];
+        for (int q = 0; q < 3 * s; ++q) light[q] = (float)row[q];
     }
 """
 )
 def factor_part(first: int, last: int, nodes: I32, lead: I32, start: I32, local: I32, starts: I32, others: I32,
                 a: wp.array(dtype=wp.mat33d), diagonal: wp.array(dtype=wp.mat33d), fixed: wp.array(dtype=wp.uint8),
-                number: F64): ...  # fmt: skip
+                number: F64, light_out: F32): ...  # fmt: skip
 
 
 @wp.func_native(
     """
-    const double* l = number.data;
     const double* rr = (const double*)r.data;
     double* zz = (double*)z_out.data;
-    double* y = work.data + 3 * (size_t)first;
-    const int shift = 3 * first;
+    double* y = work.data;  // of all parts, in the order of nodes
     for (int i = first; i < last; ++i) {
-        const int width = 3 * (i - lead.data[i]), begin = 3 * lead.data[i];
-        const double* row = l + start.data[i];
-        const double* given = rr + 3 * (size_t)nodes.data[i];
-        for (int k = 0; k < 3; ++k) {
-            const double* own = row + k * width + k * (k + 1) / 2;
-            const double* p = y + (begin - shift);
-            const int n = width + k;
-            double s0 = 0.0, s1 = 0.0, s2 = 0.0, s3 = 0.0;
-            int t = 0;
-            for (; t + 3 < n; t += 4) {
-                s0 += p[t] * own[t]; s1 += p[t + 1] * own[t + 1]; s2 += p[t + 2] * own[t + 2]; s3 += p[t + 3] * own[t + 3];
+        const int width = 3 * (i - lead.data[i]), s = width + 3;
+        const float *r0 = light.data + start.data[i], *r1 = r0 + s, *r2 = r1 + s;
+        const double* p = y + 3 * (size_t)lead.data[i];
+        double d0[8] = {}, d1[8] = {}, d2[8] = {};
+        int t = 0;
+        for (; t + 7 < width; t += 8)
+            for (int k = 0; k < 8; ++k) {
+                d0[k] += p[t + k] * r0[t + k]; d1[k] += p[t + k] * r1[t + k]; d2[k] += p[t + k] * r2[t + k];
             }
-            for (; t < n; ++t) s0 += p[t] * own[t];
-            y[3 * i + k - shift] = (given[k] - ((s0 + s1) + (s2 + s3))) * own[n];
-        }
+        for (; t < width; ++t) { d0[0] += p[t] * r0[t]; d1[0] += p[t] * r1[t]; d2[0] += p[t] * r2[t]; }
+        const double* given = rr + 3 * (size_t)nodes.data[i];
+        double* own = y + 3 * (size_t)i;
+        own[0] = (given[0] - (((d0[0] + d0[1]) + (d0[2] + d0[3])) + ((d0[4] + d0[5]) + (d0[6] + d0[7])))) * r0[width];
+        own[1] = (given[1] - (((d1[0] + d1[1]) + (d1[2] + d1[3])) + ((d1[4] + d1[5]) + (d1[6] + d1[7])))
+                  - own[0] * r1[width]) * r1[width + 1];
+        own[2] = (given[2] - (((d2[0] + d2[1]) + (d2[2] + d2[3])) + ((d2[4] + d2[5]) + (d2[6] + d2[7])))
+                  - own[0] * r2[width] - own[1] * r2[width + 1]) * r2[width + 2];
     }
     for (int i = last - 1; i >= first; --i) {
-        const int width = 3 * (i - lead.data[i]), begin = 3 * lead.data[i];
-        const double* row = l + start.data[i];
-        for (int k = 2; k >= 0; --k) {
-            const double* own = row + k * width + k * (k + 1) / 2;
-            const int n = width + k;
-            const double z = y[3 * i + k - shift] * own[n];
-            y[3 * i + k - shift] = z;
-            double* p = y + (begin - shift);
-            for (int t = 0; t < n; ++t) p[t] -= own[t] * z;
-        }
+        const int width = 3 * (i - lead.data[i]), s = width + 3;
+        const float *r0 = light.data + start.data[i], *r1 = r0 + s, *r2 = r1 + s;
+        double* own = y + 3 * (size_t)i;
+        const double z2 = own[2] * r2[width + 2];
+        const double z1 = (own[1] - r2[width + 1] * z2) * r1[width + 1];
+        const double z0 = (own[0] - r1[width] * z1 - r2[width] * z2) * r0[width];
+        double* __restrict p = y + 3 * (size_t)lead.data[i];
+        for (int t = 0; t < width; ++t) p[t] -= z0 * r0[t] + z1 * r1[t] + z2 * r2[t];
         const int block = nodes.data[i];
-        for (int k = 0; k < 3; ++k) zz[3 * (size_t)block + k] = fixed.data[block] ? 0.0 : y[3 * i + k - shift];
+        const bool held = fixed.data[block];
+        double* z = zz + 3 * (size_t)block;
+        z[0] = held ? 0.0 : z0; z[1] = held ? 0.0 : z1; z[2] = held ? 0.0 : z2;
     }
 """
 )
-def solve_part(first: int, last: int, nodes: I32, lead: I32, start: I32, number: F64, fixed: wp.array(dtype=wp.uint8),
+def solve_part(first: int, last: int, nodes: I32, lead: I32, start: I32, light: F32, fixed: wp.array(dtype=wp.uint8),
                r: wp.array(dtype=wp.vec3d), work: F64, z_out: wp.array(dtype=wp.vec3d)): ...  # fmt: skip
 
 
 @wp.kernel
 def factor_parts(begin: int, offsets: I32, nodes: I32, lead: I32, start: I32, local: I32, starts: I32, others: I32,
                  a: wp.array(dtype=wp.mat33d), diagonal: wp.array(dtype=wp.mat33d), fixed: wp.array(dtype=wp.uint8),
-                 number: F64):  # fmt: skip
-    """L of each part, its diagonal inverted; ``fixed`` blocks are those of the identity.
+                 number: F64, light_out: F32):  # fmt: skip
+    """L of each part, its diagonal inverted, and a copy in single precision; ``fixed`` blocks are those of the identity.
 
     ``diagonal`` (n,) stands for the diagonal blocks of ``a``, and may be more.
     """
     part = begin + wp.tid()
-    factor_part(offsets[part], offsets[part + 1], nodes, lead, start, local, starts, others, a, diagonal, fixed, number)
+    factor_part(offsets[part], offsets[part + 1], nodes, lead, start, local, starts, others, a, diagonal, fixed, number,
+                light_out)  # fmt: skip
 
 
 @wp.kernel
-def solve_parts(begin: int, offsets: I32, nodes: I32, lead: I32, start: I32, number: F64,
+def solve_parts(begin: int, offsets: I32, nodes: I32, lead: I32, start: I32, light: F32,
                 fixed: wp.array(dtype=wp.uint8), r: wp.array(dtype=wp.vec3d), work: F64, stop: F64, at: int,
                 z_out: wp.array(dtype=wp.vec3d)):  # fmt: skip
-    """z = (L L^T)^-1 r of each part, unless ``stop[at]``; zero in ``fixed`` blocks, nothing written outside of parts."""
+    """z = (L L^T)^-1 r of each part, unless ``stop[at]``; zero in ``fixed`` blocks, nothing written outside of parts.
+
+    L is taken in single precision: as a preconditioner it is as good, and the time is that of reading it.
+    """
     part = begin + wp.tid()
     if stop[at] != real(0.0):
         return
-    solve_part(offsets[part], offsets[part + 1], nodes, lead, start, number, fixed, r, work, z_out)
+    solve_part(offsets[part], offsets[part + 1], nodes, lead, start, light, fixed, r, work, z_out)
 
 
 class SkylineFactors:
@@ -197,6 +217,7 @@ class SkylineFactors:
         self.offsets, self.nodes, self.lead = put(parts.offsets), put(parts.nodes), put(parts.lead)
         self.start, self.local = put(parts.start), put(parts.local)
         self.number = wp.zeros(max(parts.numbers, 1), dtype=real, device=device)
+        self.light = wp.zeros(max(parts.numbers, 1), dtype=wp.float32, device=device)
         self.work = wp.zeros(max(3 * len(parts.nodes), 1), dtype=real, device=device)
 
     def factor_inputs(
@@ -204,8 +225,8 @@ class SkylineFactors:
     ) -> list:
         """Of `factor_parts`."""
         given = [starts, others, a, diagonal, fixed]
-        return [self.offsets, self.nodes, self.lead, self.start, self.local, *given, self.number]
+        return [self.offsets, self.nodes, self.lead, self.start, self.local, *given, self.number, self.light]
 
     def solve_inputs(self, fixed: wp.array, r: wp.array, z: wp.array, stop: wp.array, at: int = 0) -> list:
         """Of `solve_parts`, which does nothing where ``stop[at]`` is not zero."""
-        return [self.offsets, self.nodes, self.lead, self.start, self.number, fixed, r, self.work, stop, at, z]
+        return [self.offsets, self.nodes, self.lead, self.start, self.light, fixed, r, self.work, stop, at, z]

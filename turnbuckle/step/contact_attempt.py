@@ -174,6 +174,39 @@ class Attempt:
         opening = self.stepper.opening
         return found if opening is None else opening.without(found)
 
+    def expected(self, near: Contacts) -> Contacts:
+        """What the motion under the impulses of the last step would cross, beside what is near: asked in fast motion.
+
+        The first solve then knows most of what it will meet.
+        """
+        if not self.rough or self.load is None:
+            return no_contacts()
+        stepper = self.stepper
+        with stepper.timed("rows"):
+            problem = self._problem(near)
+            push = problem.j.T @ np.einsum("mij,mj->mi", self.frame, self.impulse).ravel()
+        with stepper.timed("contact_solve"):
+            free = replace(self._alone(problem), load=problem.load + push)
+            found = stepper.solver.solve(free, None, self.v.ravel(), ROUGH * self.tolerance, stepper.options.max_iterations)
+        if not np.isfinite(found.velocity).all():
+            return no_contacts()
+        s1 = self.moved(found.velocity.reshape(-1, 3))
+        self.v = self.v0.copy()
+        with stepper.timed("ccd"):
+            crossed = stepper.detector.crossed(self.s0, s1)
+            if stepper.opening is not None:
+                crossed = stepper.opening.without(crossed)
+            stepper.state.contact_found |= crossed.count > 0
+            chosen = stepper.detector.chosen(crossed, self.s0)
+        return chosen.part(~stepper.memory.same(chosen, near))
+
+    @staticmethod
+    def _alone(problem: ContactProblem) -> ContactProblem:
+        """The problem without contacts and equality rows."""
+        none = (np.zeros((0, 3, 3)), np.zeros(0, np.int32), np.zeros(1, np.int32))
+        empty = sp.bsr_array(none, shape=(0, len(problem.free)))
+        return replace(problem, j=empty, floor=np.zeros(0), friction=np.zeros(0), e=None, wanted=np.zeros(0))
+
     def moved(self, v: np.ndarray) -> np.ndarray:
         """Surface vertices at the end of the step with block velocities v (n, 3), which become those of the attempt."""
         self.v = v
@@ -243,9 +276,6 @@ class Attempt:
         """The problem with v* solved for, in place of a load."""
         stepper, options = self.stepper, self.stepper.options
         if self.free is None:
-            none = sp.bsr_array(
-                (np.zeros((0, 3, 3)), np.zeros(0, np.int32), np.zeros(1, np.int32)), shape=(0, len(problem.free))
-            )
-            alone = replace(problem, j=none, floor=np.zeros(0), friction=np.zeros(0), e=None, wanted=np.zeros(0))
+            alone = self._alone(problem)
             self.free = stepper.solver.solve(alone, None, None, FREE * self.tolerance, options.max_iterations).velocity
         return replace(problem, free=self.free, load=None)

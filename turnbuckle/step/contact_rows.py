@@ -96,6 +96,10 @@ class Memory:
         a, b = contacts.a.astype(np.int64), contacts.b.astype(np.int64)
         return ((contacts.kind != VERTEX_FACE) * self._span + a) * self._span + b
 
+    def same(self, contacts: Contacts, known: Contacts) -> np.ndarray:
+        """Which contacts (m,) are of pairs that are known."""
+        return np.isin(self._key(contacts), self._key(known))
+
     def _find(self, contacts: Contacts) -> tuple[np.ndarray, np.ndarray]:
         key = self._key(contacts)
         at = np.searchsorted(self.keys, key)

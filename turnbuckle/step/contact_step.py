@@ -20,7 +20,7 @@ from turnbuckle.compute import host
 from turnbuckle.constraints.activation import break_rows, update_windows
 from turnbuckle.contact.detector import PARALLEL, Detector
 from turnbuckle.contact.intersections import Intersections
-from turnbuckle.contact.manifold import Refined, no_contacts, refine
+from turnbuckle.contact.manifold import Refined, first_met, joined, no_contacts, refine
 from turnbuckle.data.contact import Contacts
 from turnbuckle.data.errors import InputError, StepError
 from turnbuckle.data.model import Model
@@ -133,11 +133,12 @@ class ContactStepper:
             return self._halved(attempt, h, depth)
         with self.timed("detection"):
             contacts = attempt.near() if self.options.proximity else no_contacts()
-        refined = refine(contacts, attempt.solve, attempt.crossed, self.options.rounds)
+        contacts = joined(contacts, attempt.expected(contacts))
+        refined = self._refined(contacts, attempt)
         for _ in range(self.dynamics_of.iterations - 1):
             if not refined.clear or not attempt.again():
                 break
-            refined = refine(refined.contacts, attempt.solve, attempt.crossed, self.options.rounds)
+            refined = self._refined(refined.contacts, attempt)
         if self._may_wait() and refined.solved:
             pressed = pressed_contacts(attempt)
             if pressed.count:
@@ -147,6 +148,12 @@ class ContactStepper:
         if depth == 0:
             return self._last_resort(attempt, refined)
         return self._halved(attempt, h, depth)
+
+    def _refined(self, contacts: Contacts, attempt: Attempt) -> Refined:
+        """Refinement of an attempt; the first rows for crossings are those that say most."""
+        looks = iter((lambda found: self.detector.chosen(found, attempt.s0),))
+        return refine(contacts, attempt.solve, attempt.crossed, self.options.rounds,
+                      lambda found: next(looks, first_met)(found))  # fmt: skip
 
     def _halved(self, attempt: Attempt, h: float, depth: int) -> StepReport:
         """Two halves instead of an attempt."""

@@ -21,19 +21,23 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import warp as wp
 
 from turnbuckle.compute import Program, host
 from turnbuckle.data.contact import ContactProblem, ContactSolution
 from turnbuckle.linalg.skyline import SkylineFactors, factor_parts, find_parts, solve_parts
+from turnbuckle.solvers.contact import newton_blocks as blocks
 from turnbuckle.solvers.contact import newton_gradients as cg_kernels
 from turnbuckle.solvers.contact import newton_kernels as kernels
+from turnbuckle.solvers.contact import splitting
 from turnbuckle.solvers.contact.newton_buffers import Buffers
 from turnbuckle.solvers.contact.newton_drift import Drift
 from turnbuckle.solvers.contact.newton_equality import EqualityRows
+from turnbuckle.solvers.contact.newton_search import along, best_length, slopes
 
-SCALE = 1.0  # rho times the compliance of a contact by itself
+SCALE = 0.3  # rho times the compliance of a contact by itself
 GATE = 3.0  # multipliers are updated once the gradient is below this times what they miss by
-FORCING = 0.25  # part of the gradient that conjugate gradients may leave
+FORCING = 0.2  # part of the gradient that conjugate gradients may leave
 BATCH = 8  # iterations of conjugate gradients between two looks at the result
 CG_LIMIT = 200.0
 TILES = 64
@@ -41,12 +45,9 @@ SMALL = 500  # blocks and contacts below which one thread does all
 PARALLEL = 20_000  # blocks and contacts below which threads lose more at their meetings than they save
 SLOW = 0.8  # multipliers that gain less a round make the penalty grow
 GROWTH = 1.5
-AGAIN = 2  # Newton steps between two factorisations of small bodies, which hold what their contacts add to the diagonal
+AGAIN = 3  # Newton steps between two factorisations of small bodies, which hold what their contacts add to the diagonal
 EXACT = 1e-3  # of the tolerance: a start that misses by less needs no step; others get one, so that rest becomes exact
 LARGEST = 1e4  # the largest SCALE
-WORSE = 0.7  # a step that leaves more than this of the gradient is looked at again
-LEAST = 1e-3  # the shortest part of a step
-SAME = 1e-13  # of the Lagrangian: round-off
 
 
 @dataclass
@@ -100,25 +101,28 @@ class NewtonSolver:
         if problem.e is not None and problem.e.shape[0]:
             self.rows = EqualityRows(problem, b)
         self._find_parts(problem)
+        b.put("apart", self.apart, wp.uint8)
+        b.put("mass", splitting.masses(problem.a, self.drift.label, self.drift.count), wp.float64)
+        moving = np.ones(n, dtype=bool) if problem.fixed is None else ~problem.fixed
+        self._small = bool((self.apart.astype(bool) | self._single | ~moving).all())
         self._record(tiles, 1 if self.threads is None and max(n, m) < PARALLEL else self.threads)
         guess = np.array(problem.free if velocity is None else velocity, dtype=float).reshape(-1, 3)
         if problem.fixed is not None:
             guess[problem.fixed] = problem.free.reshape(-1, 3)[problem.fixed]
         b.write("v", guess)
         b.write("multiplier", np.zeros((m, 3)) if start is None else start)
-        b.write("shift", np.zeros(m))
         scale = SCALE
         b.write("scale", np.array([scale]))
         self._run("begin")
         if self.rows is not None:
             self.rows.meet()
+        split = self._split(m, tolerance)
+        self._run("first_shift")
         newton = updates = cg = 0
         missed = np.inf
         converged, message = False, ""
         errors = self._evaluate()
-        b.write("shift", b.read("y", m)[:, 0])
-        errors = self._evaluate()
-        exact = EXACT * tolerance
+        exact, again = EXACT * tolerance, 1 if self.factors is None else AGAIN
         for _ in range(max_iterations):
             if errors.worst <= tolerance and (newton > 0 or errors.worst <= exact):
                 converged = True
@@ -134,9 +138,11 @@ class NewtonSolver:
                 errors = self._evaluate()
             if errors.gradient <= exact:
                 continue
-            if self.factors is not None and newton % AGAIN == 0:
+            if self.rows is None and newton % again == 0:
+                self._run("blocks")
+            if self.factors is not None and newton % again == 0:
                 self._run("factor")
-            tries, errors = self._newton_step(errors)
+            tries, errors = self._newton_step()
             cg += tries
             newton += 1
             if not np.isfinite(errors.worst):
@@ -145,7 +151,7 @@ class NewtonSolver:
         equality = np.zeros(0) if self.rows is None else self.rows.impulse
         return ContactSolution(
             velocity=b.read("v", n).ravel(), impulse=b.read("r", m), equality=equality,
-            iterations={"newton": newton, "multipliers": updates, "cg": cg}, residual=errors.worst,
+            iterations={"splitting": split, "newton": newton, "multipliers": updates, "cg": cg}, residual=errors.worst,
             converged=converged, message=message,
         )  # fmt: skip
 
@@ -155,49 +161,49 @@ class NewtonSolver:
         self._run("evaluate")
         values = host(self.buffers.scalars)
         gradient = float(values[kernels.GRADIENT])
-        if self.rows is not None:
+        if self.rows is not None:  # their impulses are found with the preconditioner
+            self._run("blocks")
             gradient = self.rows.remove()
         gradient = max(gradient, self.drift.largest(self.buffers.read("g", self._blocks)))
         return Errors(gradient, float(values[kernels.PRIMAL]), float(values[kernels.SHIFT]))
 
-    def _newton_step(self, before: Errors) -> tuple[int, Errors]:
-        """One step, shortened where it must be; iterations of conjugate gradients, and the errors after it."""
+    def _split(self, m: int, tolerance: float) -> int:
+        """Bring velocities and multipliers near the solution by operator splitting; iterations of it."""
+        if m == 0 or self.rows is not None or not self._small:
+            return 0
+        b = self.buffers
+        b.write("r", b.read("multiplier", m))
+        self._run("first_shift")  # u
+        b.write("copy", b.read("u", m))
+        self._run("split")
+        for batch in range(1, splitting.LIMIT + 1):
+            self._run("iterations")
+            b.write("multiplier", b.read("r", m))
+            self._run("first_shift")
+            if self._evaluate().worst <= tolerance:
+                break
+            b.write("r", b.read("multiplier", m))
+        return batch * splitting.BATCH
+
+    def _newton_step(self) -> tuple[int, Errors]:
+        """One step, as long as is best; iterations of conjugate gradients, and the errors after it."""
         self._run("newton")
         scalars = host(self.buffers.scalars)
         while scalars[kernels.DONE] == 0.0:
             self._run("iterate")
             scalars = host(self.buffers.scalars)
         tries = int(scalars[kernels.TRIES])
-        self._go("v", 1.0)
-        after = self._evaluate()
-        if not after.gradient < WORSE * before.gradient:
-            self._go("v", -1.0)
-            length = self._shortened()
-            self._go("v", length)
-            after = self._evaluate()
-        return tries, after
-
-    def _shortened(self) -> float:
-        """The part of the step that makes the augmented Lagrangian least, among halves of it."""
-        before = self._merit("v")
-        length, best = 1.0, np.inf
-        while length > LEAST:
-            self._go("trial", length)
-            found = self._merit("trial")
-            if found >= best and best <= before + SAME * abs(before):
-                return 2.0 * length  # the one before was better, and good
-            best = found
-            length *= 0.5
-        return length
-
-    def _go(self, to: str, length: float) -> None:
-        """v + length dv into ``to``."""
+        self._run("slopes")
+        length = best_length(host(self.buffers.slopes), self._look)
         self.buffers.write("length", np.array([length]))
-        self._run(f"move_{to}")
+        self._run("move")
+        return tries, self._evaluate()
 
-    def _merit(self, at: str = "v") -> float:
-        self._run(f"merit_{at}")
-        return float(host(self.buffers.sums).sum() + host(self.buffers.contact_sums).sum())
+    def _look(self, length: float) -> np.ndarray:
+        """Slopes of the Lagrangian at a part of the step."""
+        self.buffers.write("length", np.array([length]))
+        self._run("along")
+        return host(self.buffers.slopes)
 
     def _run(self, name: str) -> None:
         self._programs[name].run()
@@ -213,7 +219,9 @@ class NewtonSolver:
             self._parts_of, self._key = key, ()
             parts = find_parts(a.indptr, a.indices, left_out)
             self.factors = SkylineFactors(parts, self.device) if parts.count else None
+            self.apart = (parts.local >= 0).astype(np.uint8)
             self.drift = Drift(a.indptr, a.indices, left_out)
+            self._single = np.diff(a.indptr) == 1
         self._blocks = len(left_out)
         self.drift.take(a, problem.fixed)
 
@@ -239,19 +247,20 @@ class NewtonSolver:
 
         k, cg, t = kernels, cg_kernels, tiles
         matrix = [b.starts, b.others, b.a]
-        transposed = [b.t_offsets, b.t_entries, b.t_contacts, b.j]
-        forces = (k.contact_forces, [*contact, b.v, b.floor, b.mu, b.rho, b.shift, b.multiplier, b.r, b.d, b.errors], t)
-        slope = (k.gradient, [t, s, *matrix, *transposed, b.fixed, b.v, b.free, b.load, b.r, b.d, b.local, b.partner, b.g,
-                              b.diagonal, b.coupled, b.errors], t)  # fmt: skip
-        invert = (k.invert_blocks, [t, s, b.partner, b.diagonal, b.coupled, b.m, b.n], t)
-        advance = (cg.advance, [t, s, b.scalars, b.pq, b.partner, b.fixed, b.m, b.n, b.p, b.q, b.dv, b.residual, b.z,
-                                b.sums], t)  # fmt: skip
+        transposed = [b.t_offsets, b.t_contacts, b.jt]
+        law = [b.floor, b.mu, b.rho, b.shift, b.multiplier]
+        forces = (k.contact_forces, [*contact, b.v, *law, b.u, b.r, b.d, b.errors], t)
+        slope = (k.gradient, [t, s, *matrix, *transposed, b.fixed, b.v, b.free, b.load, b.r, b.local, b.g, b.errors], t)
+        diagonals = (blocks.diagonals, [t, s, *matrix, *transposed, b.d, b.partner, b.diagonal, b.coupled], t)
+        invert = (blocks.invert_blocks, [t, s, b.partner, b.diagonal, b.coupled, b.m, b.n], t)
+        advance = (cg.advance, [t, s, b.scalars, b.pq, b.partner, b.fixed, b.apart, b.m, b.n, b.p, b.q, b.dv, b.residual,
+                                b.z, b.sums], t)  # fmt: skip
         apply: list = []
         factor = []
         if self.factors is not None:
             f, parts = self.factors, self.factors.parts.count
             apply.append((solve_parts, f.solve_inputs(b.fixed, b.residual, b.z, b.scalars, int(k.DONE)), parts))
-            factor = [(factor_parts, f.factor_inputs(b.starts, b.others, b.a, b.diagonal, b.fixed), parts)]
+            factor.append((factor_parts, f.factor_inputs(b.starts, b.others, b.a, b.diagonal, b.fixed), parts))
         if self.rows is not None:
             apply.append(lambda: self.rows.project())  # type: ignore[union-attr]
         penalties = (k.penalties, [*contact, b.local, b.fixed, b.scale, b.rho], t)
@@ -265,24 +274,20 @@ class NewtonSolver:
         ]  # fmt: skip
         batch = BATCH if self.rows is None else 1
         self._programs = {
-            "begin": program((k.local_inverses, [t, s, *matrix, b.local], t), penalties),
+            **splitting.record(b, t, self.factors, program),
+            "begin": program((blocks.local_inverses, [t, s, *matrix, b.local], t), penalties),
+            "first_shift": program((k.first_shift, [*contact, b.v, b.mu, b.u, b.shift], t)),
+            "blocks": program(diagonals, invert),
             "factor": program(*factor),
             "penalties": program(penalties),
-            "evaluate": program(forces, slope, invert, (k.largest, [t, b.errors, b.scalars], 1),
-                                (k.wanted_shift, [*contact, b.v, b.mu, b.y], t)),
-            "update": program((k.update_multipliers, [*contact, b.v, b.mu, b.r, b.shift, b.multiplier], t)),
+            "evaluate": program(forces, slope, (k.largest, [t, b.errors, b.scalars], 1)),
+            "update": program((k.update_multipliers, [t, s, b.u, b.mu, b.r, b.shift, b.multiplier], t)),
             "newton": program((cg.begin_gradients, [t, s, b.g, b.residual, b.dv, b.p, b.q, b.pq, b.scalars], t), advance,
                               *apply, (cg.first_direction, [t, b.sums, FORCING, b.scalars], 1), *(iteration * batch)),
             "iterate": program(*(iteration * batch)),
-            "move_trial": program((k.move, [t, s, b.length, b.v, b.dv, b.trial], t)),
-            "move_v": program((k.move, [t, s, b.length, b.v, b.dv, b.v], t)),
-            **{
-                f"merit_{at}": program(
-                    (k.merit, [*contact, getattr(b, at), b.floor, b.mu, b.rho, b.shift, b.multiplier, b.contact_sums], t),
-                    (k.inertia_merit, [t, s, *matrix, getattr(b, at), b.free, b.load, b.sums], t),
-                )
-                for at in ("v", "trial")
-            },
+            "slopes": program((slopes, [*contact, b.dv, b.g, b.residual, b.r, b.d, b.du, b.slopes], t)),
+            "along": program((along, [t, s, b.length, b.u, b.du, *law, b.slopes], t)),
+            "move": program((k.move, [t, s, b.length, b.v, b.dv, b.v], t)),
         }  # fmt: skip
 
 

@@ -8,6 +8,7 @@ from turnbuckle.compute import host
 from turnbuckle.data.contact import ContactProblem
 from turnbuckle.math.types import real
 from turnbuckle.solvers.contact.newton_kernels import SCALARS
+from turnbuckle.solvers.contact.newton_search import SUMS
 
 ROOM = 1.5  # arrays that turn out too short grow to this part of what is needed
 
@@ -21,6 +22,7 @@ class Buffers:
         self.sizes = wp.zeros(2, dtype=int, device=device)
         self.scalars = wp.zeros(SCALARS, dtype=real, device=device)
         self.scale = wp.zeros(1, dtype=real, device=device)
+        self.zero = wp.zeros(1, dtype=real, device=device)
         self.length = wp.zeros(1, dtype=real, device=device)
         self._arrays: dict[str, wp.array] = {}
 
@@ -39,36 +41,36 @@ class Buffers:
         partner[problem.pairs] = problem.pairs + 1
         partner[problem.pairs + 1] = problem.pairs
         fixed = np.zeros(n, np.uint8) if problem.fixed is None else problem.fixed.astype(np.uint8)
-        self._put("starts", a.indptr, wp.int32)
-        self._put("others", a.indices, wp.int32)
-        self._put("a", a.data, wp.mat33d)
-        self._put("offsets", j.indptr, wp.int32)
-        self._put("columns", j.indices, wp.int32)
-        self._put("j", j.data, wp.mat33d)
-        self._put("t_offsets", transposed.indptr, wp.int32)
-        self._put("t_entries", transposed.data, wp.int32)
-        self._put("t_contacts", transposed.indices, wp.int32)
-        self._put("partner", partner, wp.int32)
-        self._put("fixed", fixed, wp.uint8)
-        self._put("free", problem.free.reshape(-1, 3), wp.vec3d)
-        self._put("load", (np.zeros((n, 3)) if problem.load is None else problem.load.reshape(-1, 3)), wp.vec3d)
-        self._put("floor", problem.floor, real)
-        self._put("mu", problem.friction, real)
+        self.put("starts", a.indptr, wp.int32)
+        self.put("others", a.indices, wp.int32)
+        self.put("a", a.data, wp.mat33d)
+        self.put("offsets", j.indptr, wp.int32)
+        self.put("columns", j.indices, wp.int32)
+        self.put("j", j.data, wp.mat33d)
+        self.put("t_offsets", transposed.indptr, wp.int32)
+        self.put("jt", j.data[transposed.data], wp.mat33d)
+        self.put("t_contacts", transposed.indices, wp.int32)
+        self.put("partner", partner, wp.int32)
+        self.put("fixed", fixed, wp.uint8)
+        self.put("free", problem.free.reshape(-1, 3), wp.vec3d)
+        self.put("load", (np.zeros((n, 3)) if problem.load is None else problem.load.reshape(-1, 3)), wp.vec3d)
+        self.put("floor", problem.floor, real)
+        self.put("mu", problem.friction, real)
         for name in ("v", "trial", "g", "residual", "z", "p", "q", "dv"):
             self._room(name, n, wp.vec3d)
         for name in ("local", "diagonal", "coupled", "m", "n"):
             self._room(name, n, wp.mat33d)
-        for name in ("multiplier", "r", "y"):
+        for name in ("multiplier", "r", "y", "u", "du", "copy", "push"):
             self._room(name, m, wp.vec3d)
         self._room("d", m, wp.mat33d)
-        for name in ("rho", "shift"):
+        for name in ("rho", "shift", "weight", "span"):
             self._room(name, m, real)
         self._room("sums", tiles, real)
         self._room("pq", tiles, real)
-        self._room("contact_sums", tiles, real)
-        if "errors" not in self._arrays or self._arrays["errors"].shape[1] != tiles:
-            self._arrays["errors"] = wp.zeros((3, tiles), dtype=real, device=self.device)
-            self.grown += 1
+        for name, rows in (("errors", 3), ("slopes", SUMS)):
+            if name not in self._arrays or self._arrays[name].shape[1] != tiles:
+                self._arrays[name] = wp.zeros((rows, tiles), dtype=real, device=self.device)
+                self.grown += 1
         self.write("sizes", np.array([n, m], dtype=np.int32))
 
     def write(self, name: str, values: np.ndarray) -> None:
@@ -85,10 +87,11 @@ class Buffers:
 
     def _room(self, name: str, count: int, kind: type) -> None:
         array = self._arrays.get(name)
-        if array is None or array.shape[0] < count:
+        if array is None or array.shape[0] <= count:  # one more: loops run in four lanes, of which three count
             self._arrays[name] = wp.zeros(max(int(ROOM * count), 64), dtype=kind, device=self.device)
             self.grown += 1
 
-    def _put(self, name: str, values: np.ndarray, kind: type) -> None:
+    def put(self, name: str, values: np.ndarray, kind: type) -> None:
+        """Values into an array that has room for them."""
         self._room(name, len(values), kind)
         self.write(name, values)

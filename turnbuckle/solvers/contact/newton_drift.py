@@ -20,16 +20,16 @@ class Drift:
         count, label = connected_components(graph, directed=False)
         alone = np.bincount(label, minlength=count) < 3  # single points and rigid bodies: D_A is all of A
         alone[label[left_out]] = True
-        self._label, self._count, self._alone = label, count, alone
+        self.label, self.count, self._alone = label, count, alone
 
     def take(self, a: sp.bsr_array, fixed: np.ndarray | None) -> None:
         """Masses of the bodies of A, and the sums over them; those with fixed blocks are not asked."""
         alone = self._alone.copy()
         if fixed is not None:
-            alone[self._label[fixed]] = True
-        blocks = np.flatnonzero(~alone[self._label])
-        bodies, part = np.unique(self._label[blocks], return_inverse=True)
-        shape = (len(bodies), len(self._label))
+            alone[self.label[fixed]] = True
+        blocks = np.flatnonzero(~alone[self.label])
+        bodies, part = np.unique(self.label[blocks], return_inverse=True)
+        shape = (len(bodies), len(self.label))
         self._sums = sp.csr_array((np.ones(len(blocks)), (part, blocks)), shape=shape)
         traces = np.einsum("eii->e", a.data) / 3.0
         row = np.add.reduceat(np.append(traces, 0.0), a.indptr[:-1]) * (np.diff(a.indptr) > 0)

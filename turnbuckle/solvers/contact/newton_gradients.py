@@ -58,21 +58,19 @@ def first_direction(begin: int, tiles: int, sums: wp.array(dtype=real), forcing:
     const double* dd = (const double*)d.data;
     const double* pp = (const double*)p.data;
     double* yy = (double*)y_out.data;
-    const int* o = offsets.data;
-    const int* col = columns.data;
     for (int c = first; c < last; ++c) {
-        double u0 = 0.0, u1 = 0.0, u2 = 0.0;
-        for (int e = o[c]; e < o[c + 1]; ++e) {
-            const double* b = jj + 9 * (size_t)e;
-            const double* x = pp + 3 * (size_t)col[e];
-            u0 += b[0] * x[0] + b[1] * x[1] + b[2] * x[2];
-            u1 += b[3] * x[0] + b[4] * x[1] + b[5] * x[2];
-            u2 += b[6] * x[0] + b[7] * x[1] + b[8] * x[2];
-        }
         const double* m = dd + 9 * (size_t)c;
-        yy[3 * (size_t)c] = m[0] * u0 + m[1] * u1 + m[2] * u2;
-        yy[3 * (size_t)c + 1] = m[3] * u0 + m[4] * u1 + m[5] * u2;
-        yy[3 * (size_t)c + 2] = m[6] * u0 + m[7] * u1 + m[8] * u2;
+        double* y = yy + 3 * (size_t)c;
+        y[0] = y[1] = y[2] = 0.0;
+        if (m[0] == 0.0) continue;  // does not touch
+        double s0[4] = {}, s1[4] = {}, s2[4] = {};
+        for (int e = offsets.data[c]; e < offsets.data[c + 1]; ++e) {
+            const double* b = jj + 9 * (size_t)e;
+            const double* x = pp + 3 * (size_t)columns.data[e];
+            for (int k = 0; k < 4; ++k) { s0[k] += b[k] * x[k]; s1[k] += b[3 + k] * x[k]; s2[k] += b[6 + k] * x[k]; }
+        }
+        const double u0 = s0[0] + s0[1] + s0[2], u1 = s1[0] + s1[1] + s1[2], u2 = s2[0] + s2[1] + s2[2];
+        for (int k = 0; k < 3; ++k) y[k] = m[3 * k] * u0 + m[3 * k + 1] * u1 + m[3 * k + 2] * u2;
     }
 """
 )
@@ -84,46 +82,39 @@ def contact_product_of(first: int, last: int, offsets: wp.array(dtype=int), colu
 @wp.func_native(
     """
     const double* aa = (const double*)a.data;
-    const double* jj = (const double*)j.data;
+    const double* jj = (const double*)jt.data;
     const double* pp = (const double*)p.data;
     const double* yy = (const double*)y.data;
     double* qq = (double*)q_out.data;
-    const int* st = starts.data;
-    const int* col = others.data;
-    const int* to = t_offsets.data;
-    const int* te = t_entries.data;
-    const int* tc = t_contacts.data;
     double total = 0.0;
     for (int i = first; i < last; ++i) {
-        double q0 = 0.0, q1 = 0.0, q2 = 0.0;
-        if (!fixed.data[i]) {
-            for (int e = st[i]; e < st[i + 1]; ++e) {
-                const double* b = aa + 9 * (size_t)e;
-                const double* x = pp + 3 * (size_t)col[e];
-                q0 += b[0] * x[0] + b[1] * x[1] + b[2] * x[2];
-                q1 += b[3] * x[0] + b[4] * x[1] + b[5] * x[2];
-                q2 += b[6] * x[0] + b[7] * x[1] + b[8] * x[2];
-            }
-            for (int k = to[i]; k < to[i + 1]; ++k) {
-                const double* b = jj + 9 * (size_t)te[k];
-                const double* x = yy + 3 * (size_t)tc[k];
-                q0 += b[0] * x[0] + b[3] * x[1] + b[6] * x[2];
-                q1 += b[1] * x[0] + b[4] * x[1] + b[7] * x[2];
-                q2 += b[2] * x[0] + b[5] * x[1] + b[8] * x[2];
-            }
-        }
         double* q = qq + 3 * (size_t)i;
+        q[0] = q[1] = q[2] = 0.0;
+        if (fixed.data[i]) continue;
+        double s0[4] = {}, s1[4] = {}, s2[4] = {}, t[4] = {};
+        for (int e = starts.data[i]; e < starts.data[i + 1]; ++e) {
+            const double* b = aa + 9 * (size_t)e;
+            const double* x = pp + 3 * (size_t)others.data[e];
+            for (int k = 0; k < 4; ++k) { s0[k] += b[k] * x[k]; s1[k] += b[3 + k] * x[k]; s2[k] += b[6 + k] * x[k]; }
+        }
+        for (int e = t_offsets.data[i]; e < t_offsets.data[i + 1]; ++e) {
+            const double* x = yy + 3 * (size_t)t_contacts.data[e];
+            if (x[0] == 0.0 && x[1] == 0.0 && x[2] == 0.0) continue;
+            const double* b = jj + 9 * (size_t)e;
+            for (int k = 0; k < 4; ++k) t[k] += b[k] * x[0] + b[3 + k] * x[1] + b[6 + k] * x[2];
+        }
+        q[0] = s0[0] + s0[1] + s0[2] + t[0];
+        q[1] = s1[0] + s1[1] + s1[2] + t[1];
+        q[2] = s2[0] + s2[1] + s2[2] + t[2];
         const double* x = pp + 3 * (size_t)i;
-        q[0] = q0; q[1] = q1; q[2] = q2;
-        total += x[0] * q0 + x[1] * q1 + x[2] * q2;
+        total += x[0] * q[0] + x[1] * q[1] + x[2] * q[2];
     }
     return total;
 """
 )
 def product_of(first: int, last: int, starts: wp.array(dtype=int), others: wp.array(dtype=int),
-               a: wp.array(dtype=wp.mat33d), t_offsets: wp.array(dtype=int), t_entries: wp.array(dtype=int),
-               t_contacts: wp.array(dtype=int), j: wp.array(dtype=wp.mat33d), fixed: wp.array(dtype=wp.uint8),
-               y: wp.array(dtype=wp.vec3d), p: wp.array(dtype=wp.vec3d), q_out: wp.array(dtype=wp.vec3d)) -> wp.float64: ...  # fmt: skip
+               a: wp.array(dtype=wp.mat33d), t_offsets: wp.array(dtype=int), t_contacts: wp.array(dtype=int),
+               jt: wp.array(dtype=wp.mat33d), fixed: wp.array(dtype=wp.uint8), y: wp.array(dtype=wp.vec3d), p: wp.array(dtype=wp.vec3d), q_out: wp.array(dtype=wp.vec3d)) -> wp.float64: ...  # fmt: skip
 
 
 @wp.kernel
@@ -140,16 +131,15 @@ def contact_product(begin: int, tiles: int, sizes: wp.array(dtype=int), scalars:
 @wp.kernel
 def product(begin: int, tiles: int, sizes: wp.array(dtype=int), scalars: wp.array(dtype=real),
             starts: wp.array(dtype=int), others: wp.array(dtype=int), a: wp.array(dtype=wp.mat33d),
-            t_offsets: wp.array(dtype=int), t_entries: wp.array(dtype=int), t_contacts: wp.array(dtype=int),
-            j: wp.array(dtype=wp.mat33d), fixed: wp.array(dtype=wp.uint8), y: wp.array(dtype=wp.vec3d),
+            t_offsets: wp.array(dtype=int), t_contacts: wp.array(dtype=int), jt: wp.array(dtype=wp.mat33d), fixed: wp.array(dtype=wp.uint8), y: wp.array(dtype=wp.vec3d),
             p: wp.array(dtype=wp.vec3d), q_out: wp.array(dtype=wp.vec3d), sums_out: wp.array(dtype=real)):  # fmt: skip
     """q = A p + J^T y, and p . q by tiles."""
     tile = begin + wp.tid()
     if scalars[DONE] == real(0.0):
         count = sizes[BLOCKS]
         sums_out[tile] = product_of(
-            place(tile, tiles, count), place(tile + 1, tiles, count), starts, others, a, t_offsets, t_entries,
-            t_contacts, j, fixed, y, p, q_out,
+            place(tile, tiles, count), place(tile + 1, tiles, count), starts, others, a, t_offsets, t_contacts, jt,
+            fixed, y, p, q_out,
         )  # fmt: skip
 
 
@@ -188,6 +178,7 @@ def next_direction(begin: int, tiles: int, sums: wp.array(dtype=real), limit: re
             }
         }
         for (int b = i; b <= (other > i ? other : i); ++b) {
+            if (apart.data[b]) continue;  // z is made by the factor of its body
             double* z = zz + 3 * (size_t)b;
             const double* r = rr + 3 * (size_t)b;
             if (fixed.data[b]) { z[0] = z[1] = z[2] = 0.0; continue; }
@@ -210,7 +201,7 @@ def next_direction(begin: int, tiles: int, sums: wp.array(dtype=real), limit: re
 """
 )
 def advance_of(first: int, last: int, alpha: wp.float64, partner: wp.array(dtype=int), fixed: wp.array(dtype=wp.uint8),
-               m: wp.array(dtype=wp.mat33d), n: wp.array(dtype=wp.mat33d), p: wp.array(dtype=wp.vec3d),
+               apart: wp.array(dtype=wp.uint8), m: wp.array(dtype=wp.mat33d), n: wp.array(dtype=wp.mat33d), p: wp.array(dtype=wp.vec3d),
                q: wp.array(dtype=wp.vec3d), dv: wp.array(dtype=wp.vec3d), residual: wp.array(dtype=wp.vec3d),
                z_out: wp.array(dtype=wp.vec3d)) -> wp.float64: ...  # fmt: skip
 
@@ -218,7 +209,7 @@ def advance_of(first: int, last: int, alpha: wp.float64, partner: wp.array(dtype
 @wp.kernel
 def advance(begin: int, tiles: int, sizes: wp.array(dtype=int), scalars: wp.array(dtype=real),
             pq: wp.array(dtype=real), partner: wp.array(dtype=int), fixed: wp.array(dtype=wp.uint8),
-            m: wp.array(dtype=wp.mat33d), n: wp.array(dtype=wp.mat33d), p: wp.array(dtype=wp.vec3d),
+            apart: wp.array(dtype=wp.uint8), m: wp.array(dtype=wp.mat33d), n: wp.array(dtype=wp.mat33d), p: wp.array(dtype=wp.vec3d),
             q: wp.array(dtype=wp.vec3d), dv: wp.array(dtype=wp.vec3d), residual: wp.array(dtype=wp.vec3d),
             z_out: wp.array(dtype=wp.vec3d), sums_out: wp.array(dtype=real)):  # fmt: skip
     """alpha = r . z / p . q, dv += alpha p, residual -= alpha q, z = M residual, and residual . z by tiles.
@@ -234,8 +225,8 @@ def advance(begin: int, tiles: int, sizes: wp.array(dtype=int), scalars: wp.arra
         if total > real(0.0):
             alpha = scalars[RZ] / total
         count = sizes[BLOCKS]
-        sums_out[tile] = advance_of(place(tile, tiles, count), place(tile + 1, tiles, count), alpha, partner, fixed, m,
-                                    n, p, q, dv, residual, z_out)  # fmt: skip
+        sums_out[tile] = advance_of(place(tile, tiles, count), place(tile + 1, tiles, count), alpha, partner, fixed, apart,
+                                    m, n, p, q, dv, residual, z_out)  # fmt: skip
 
 
 @wp.func_native(

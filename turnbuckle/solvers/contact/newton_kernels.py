@@ -1,13 +1,19 @@
-"""Kernels of the Newton solver: forces of the cone, the gradient, its preconditioner, and conjugate gradients.
+"""Kernels of the Newton solver: forces of the cone, the gradient of the Lagrangian, multipliers and penalties.
 
 Every kernel works on one *tile*, a contiguous share of the contacts or of the blocks: sums are made tile by tile and
 then in the order of tiles, so that they do not depend on threads. Sizes are read from `sizes` (see the places below).
 Letters: u = J v relative velocities, s = l - rho (u - floor + shift), r = P_K(s) impulses, D = rho dP/ds.
+
+J is stored twice: by contacts, and its blocks once more in the order of the columns (`jt`), so that both products read
+memory in a row. Native loops run in four lanes, of which three count: that fills the registers of a processor. So arrays
+of vectors and blocks have room for one more number behind their last.
 """
 
 import warp as wp
 
 from turnbuckle.math.types import real
+
+wp.set_module_options({"enable_backward": False})
 
 BLOCKS = wp.constant(0)  # places in `sizes`
 CONTACTS = wp.constant(1)
@@ -30,14 +36,27 @@ def place(tile: int, tiles: int, count: int) -> int:
     return int((wp.int64(tile) * wp.int64(count)) / wp.int64(tiles))
 
 
+@wp.func_native(
+    """
+    const double* vv = (const double*)v.data;
+    double s0[4] = {}, s1[4] = {}, s2[4] = {};
+    for (int e = offsets.data[c]; e < offsets.data[c + 1]; ++e) {
+        const double* b = (const double*)j.data + 9 * (size_t)e;
+        const double* x = vv + 3 * (size_t)columns.data[e];
+        for (int k = 0; k < 4; ++k) { s0[k] += b[k] * x[k]; s1[k] += b[3 + k] * x[k]; s2[k] += b[6 + k] * x[k]; }
+    }
+    double* u = (double*)u_out.data + 3 * (size_t)c;
+    u[0] = s0[0] + s0[1] + s0[2]; u[1] = s1[0] + s1[1] + s1[2]; u[2] = s2[0] + s2[1] + s2[2];
+"""
+)
+def relative_to(c: int, offsets: wp.array(dtype=int), columns: wp.array(dtype=int), j: wp.array(dtype=wp.mat33d),
+                v: wp.array(dtype=wp.vec3d), u_out: wp.array(dtype=wp.vec3d)): ...  # fmt: skip
+
+
 @wp.func
-def relative(c: int, offsets: wp.array(dtype=int), columns: wp.array(dtype=int), j: wp.array(dtype=wp.mat33d),
-             v: wp.array(dtype=wp.vec3d)) -> wp.vec3d:  # fmt: skip
-    """u of contact c."""
-    u = wp.vec3d()
-    for e in range(offsets[c], offsets[c + 1]):
-        u += j[e] * v[columns[e]]
-    return u
+def slip(u: wp.vec3d) -> real:
+    """The tangential speed."""
+    return wp.sqrt(u[1] * u[1] + u[2] * u[2])
 
 
 @wp.func
@@ -81,94 +100,80 @@ def cone_derivative(s: wp.vec3d, mu: real) -> wp.mat33d:
 def contact_forces(begin: int, tiles: int, sizes: wp.array(dtype=int), offsets: wp.array(dtype=int),
                    columns: wp.array(dtype=int), j: wp.array(dtype=wp.mat33d), v: wp.array(dtype=wp.vec3d),
                    floor: wp.array(dtype=real), mu: wp.array(dtype=real), rho: wp.array(dtype=real),
-                   shift: wp.array(dtype=real), multiplier: wp.array(dtype=wp.vec3d),
+                   shift: wp.array(dtype=real), multiplier: wp.array(dtype=wp.vec3d), u_out: wp.array(dtype=wp.vec3d),
                    r_out: wp.array(dtype=wp.vec3d), d_out: wp.array(dtype=wp.mat33d), errors_out: wp.array2d(dtype=real)):  # fmt: skip
-    """r and D of each contact, and the largest errors of multipliers and shifts in the tile."""
+    """u, r and D of each contact, and the largest errors of multipliers and shifts in the tile."""
     tile = begin + wp.tid()
     primal = real(0.0)
     wrong = real(0.0)
     for c in range(place(tile, tiles, sizes[CONTACTS]), place(tile + 1, tiles, sizes[CONTACTS])):
-        u = relative(c, offsets, columns, j, v)
-        w = u
-        w[0] = u[0] - floor[c] + shift[c]
-        s = multiplier[c] - rho[c] * w
+        relative_to(c, offsets, columns, j, v, u_out)
+        u = u_out[c]
+        s = multiplier[c] - rho[c] * wp.vec3d(u[0] - floor[c] + shift[c], u[1], u[2])
         r = on_cone(s, mu[c])
         r_out[c] = r
         d_out[c] = rho[c] * cone_derivative(s, mu[c])
         primal = wp.max(primal, wp.length(r - multiplier[c]) / rho[c])
         if r[0] > real(0.0):
-            wrong = wp.max(wrong, wp.abs(shift[c] - mu[c] * wp.sqrt(u[1] * u[1] + u[2] * u[2])))
+            wrong = wp.max(wrong, wp.abs(shift[c] - mu[c] * slip(u)))
     errors_out[0, tile] = primal
     errors_out[1, tile] = wrong
 
 
 @wp.kernel
-def update_multipliers(begin: int, tiles: int, sizes: wp.array(dtype=int), offsets: wp.array(dtype=int),
-                       columns: wp.array(dtype=int), j: wp.array(dtype=wp.mat33d), v: wp.array(dtype=wp.vec3d),
+def update_multipliers(begin: int, tiles: int, sizes: wp.array(dtype=int), u: wp.array(dtype=wp.vec3d),
                        mu: wp.array(dtype=real), r: wp.array(dtype=wp.vec3d), shift_out: wp.array(dtype=real),
                        multiplier_out: wp.array(dtype=wp.vec3d)):  # fmt: skip
     """l <- r, and the shift of De Saxce, mu |u_t|, which turns the cone's projection into Coulomb's law."""
     tile = begin + wp.tid()
     for c in range(place(tile, tiles, sizes[CONTACTS]), place(tile + 1, tiles, sizes[CONTACTS])):
         multiplier_out[c] = r[c]
-        if mu[c] > real(0.0):
-            u = relative(c, offsets, columns, j, v)
-            shift_out[c] = mu[c] * wp.sqrt(u[1] * u[1] + u[2] * u[2])
+        shift_out[c] = mu[c] * slip(u[c])
+
+
+@wp.kernel
+def first_shift(begin: int, tiles: int, sizes: wp.array(dtype=int), offsets: wp.array(dtype=int),
+                columns: wp.array(dtype=int), j: wp.array(dtype=wp.mat33d), v: wp.array(dtype=wp.vec3d),
+                mu: wp.array(dtype=real), u_out: wp.array(dtype=wp.vec3d), shift_out: wp.array(dtype=real)):  # fmt: skip
+    """The shift of the velocities at the start."""
+    tile = begin + wp.tid()
+    for c in range(place(tile, tiles, sizes[CONTACTS]), place(tile + 1, tiles, sizes[CONTACTS])):
+        relative_to(c, offsets, columns, j, v, u_out)
+        shift_out[c] = mu[c] * slip(u_out[c])
 
 
 @wp.func_native(
     """
     const double* aa = (const double*)a.data;
-    const double* jj = (const double*)j.data;
-    const double* dd = (const double*)d.data;
+    const double* jj = (const double*)jt.data;
     const double* rr = (const double*)r.data;
     const double* vv = (const double*)v.data;
     const double* ff = (const double*)free.data;
     double worst = 0.0;
     for (int i = first; i < last; ++i) {
-        const int other = partner.data[i];
-        double g[3], h[9], off[9];
-        for (int k = 0; k < 3; ++k) g[k] = -((const double*)load.data)[3 * (size_t)i + k];
-        for (int k = 0; k < 9; ++k) h[k] = off[k] = 0.0;
+        double* g = (double*)g_out.data + 3 * (size_t)i;
+        g[0] = g[1] = g[2] = 0.0;
+        if (fixed.data[i]) continue;
+        double s0[4] = {}, s1[4] = {}, s2[4] = {}, t[4] = {};
         for (int e = starts.data[i]; e < starts.data[i + 1]; ++e) {
             const double* b = aa + 9 * (size_t)e;
-            const int c = others.data[e];
-            const double* x = vv + 3 * (size_t)c;
-            const double* y = ff + 3 * (size_t)c;
-            const double u0 = x[0] - y[0], u1 = x[1] - y[1], u2 = x[2] - y[2];
-            g[0] += b[0] * u0 + b[1] * u1 + b[2] * u2;
-            g[1] += b[3] * u0 + b[4] * u1 + b[5] * u2;
-            g[2] += b[6] * u0 + b[7] * u1 + b[8] * u2;
-            if (c == i) for (int k = 0; k < 9; ++k) h[k] += b[k];
-            else if (c == other) for (int k = 0; k < 9; ++k) off[k] += b[k];
-        }
-        for (int q = t_offsets.data[i]; q < t_offsets.data[i + 1]; ++q) {
-            const int e = t_entries.data[q], c = t_contacts.data[q];
-            const double* b = jj + 9 * (size_t)e;
-            const double* m = dd + 9 * (size_t)c;
-            const double* w = rr + 3 * (size_t)c;
-            for (int k = 0; k < 3; ++k) g[k] -= b[k] * w[0] + b[3 + k] * w[1] + b[6 + k] * w[2];
-            if (m[0] == 0.0) continue;  // a contact that does not touch
-            double mb[9];  // D J
-            for (int k = 0; k < 3; ++k)
-                for (int l = 0; l < 3; ++l) mb[3 * k + l] = m[3 * k] * b[l] + m[3 * k + 1] * b[3 + l] + m[3 * k + 2] * b[6 + l];
-            for (int k = 0; k < 3; ++k)
-                for (int l = 0; l < 3; ++l) h[3 * k + l] += b[k] * mb[l] + b[3 + k] * mb[3 + l] + b[6 + k] * mb[6 + l];
-            if (other >= 0) {  // the entry of the other half of a rigid body stands next to this one in the row
-                const double* o = other > i ? b + 9 : b - 9;
-                double mo[9];
-                for (int k = 0; k < 3; ++k)
-                    for (int l = 0; l < 3; ++l) mo[3 * k + l] = m[3 * k] * o[l] + m[3 * k + 1] * o[3 + l] + m[3 * k + 2] * o[6 + l];
-                for (int k = 0; k < 3; ++k)
-                    for (int l = 0; l < 3; ++l) off[3 * k + l] += b[k] * mo[l] + b[3 + k] * mo[3 + l] + b[6 + k] * mo[6 + l];
+            const double* x = vv + 3 * (size_t)others.data[e];
+            const double* y = ff + 3 * (size_t)others.data[e];
+            for (int k = 0; k < 4; ++k) {
+                const double w = x[k] - y[k];
+                s0[k] += b[k] * w; s1[k] += b[3 + k] * w; s2[k] += b[6 + k] * w;
             }
         }
-        if (fixed.data[i]) g[0] = g[1] = g[2] = 0.0;
-        double* go = (double*)g_out.data + 3 * (size_t)i;
-        double* ho = (double*)diagonal_out.data + 9 * (size_t)i;
-        double* oo = (double*)coupled_out.data + 9 * (size_t)i;
-        for (int k = 0; k < 3; ++k) go[k] = g[k];
-        for (int k = 0; k < 9; ++k) { ho[k] = h[k]; oo[k] = off[k]; }
+        for (int q = t_offsets.data[i]; q < t_offsets.data[i + 1]; ++q) {
+            const double* b = jj + 9 * (size_t)q;
+            const double* w = rr + 3 * (size_t)t_contacts.data[q];
+            if (w[0] == 0.0 && w[1] == 0.0 && w[2] == 0.0) continue;
+            for (int k = 0; k < 4; ++k) t[k] += b[k] * w[0] + b[3 + k] * w[1] + b[6 + k] * w[2];
+        }
+        const double* p = (const double*)load.data + 3 * (size_t)i;
+        g[0] = s0[0] + s0[1] + s0[2] - p[0] - t[0];
+        g[1] = s1[0] + s1[1] + s1[2] - p[1] - t[1];
+        g[2] = s2[0] + s2[1] + s2[2] - p[2] - t[2];
         const double* l = (const double*)local.data + 9 * (size_t)i;
         double square = 0.0;
         for (int k = 0; k < 3; ++k) {
@@ -181,46 +186,23 @@ def update_multipliers(begin: int, tiles: int, sizes: wp.array(dtype=int), offse
 """
 )
 def gradient_of(first: int, last: int, starts: wp.array(dtype=int), others: wp.array(dtype=int),
-                a: wp.array(dtype=wp.mat33d), t_offsets: wp.array(dtype=int), t_entries: wp.array(dtype=int),
-                t_contacts: wp.array(dtype=int), j: wp.array(dtype=wp.mat33d), fixed: wp.array(dtype=wp.uint8),
-                v: wp.array(dtype=wp.vec3d), free: wp.array(dtype=wp.vec3d), load: wp.array(dtype=wp.vec3d),
-                r: wp.array(dtype=wp.vec3d), d: wp.array(dtype=wp.mat33d), local: wp.array(dtype=wp.mat33d),
-                partner: wp.array(dtype=int), g_out: wp.array(dtype=wp.vec3d), diagonal_out: wp.array(dtype=wp.mat33d),
-                coupled_out: wp.array(dtype=wp.mat33d)) -> wp.float64: ...  # fmt: skip
+                a: wp.array(dtype=wp.mat33d), t_offsets: wp.array(dtype=int), t_contacts: wp.array(dtype=int),
+                jt: wp.array(dtype=wp.mat33d), fixed: wp.array(dtype=wp.uint8), v: wp.array(dtype=wp.vec3d),
+                free: wp.array(dtype=wp.vec3d), load: wp.array(dtype=wp.vec3d), r: wp.array(dtype=wp.vec3d),
+                local: wp.array(dtype=wp.mat33d), g_out: wp.array(dtype=wp.vec3d)) -> wp.float64: ...  # fmt: skip
 
 
 @wp.kernel
 def gradient(begin: int, tiles: int, sizes: wp.array(dtype=int), starts: wp.array(dtype=int), others: wp.array(dtype=int),
-             a: wp.array(dtype=wp.mat33d), t_offsets: wp.array(dtype=int), t_entries: wp.array(dtype=int),
-             t_contacts: wp.array(dtype=int), j: wp.array(dtype=wp.mat33d), fixed: wp.array(dtype=wp.uint8),
-             v: wp.array(dtype=wp.vec3d), free: wp.array(dtype=wp.vec3d), load: wp.array(dtype=wp.vec3d),
-             r: wp.array(dtype=wp.vec3d), d: wp.array(dtype=wp.mat33d), local: wp.array(dtype=wp.mat33d),
-             partner: wp.array(dtype=int), g_out: wp.array(dtype=wp.vec3d), diagonal_out: wp.array(dtype=wp.mat33d),
-             coupled_out: wp.array(dtype=wp.mat33d), errors_out: wp.array2d(dtype=real)):  # fmt: skip
-    """g = A (v - v*) - load - J^T r, and the blocks of A + J^T D J: on the diagonal, and to the other half of a rigid body."""
+             a: wp.array(dtype=wp.mat33d), t_offsets: wp.array(dtype=int), t_contacts: wp.array(dtype=int),
+             jt: wp.array(dtype=wp.mat33d), fixed: wp.array(dtype=wp.uint8), v: wp.array(dtype=wp.vec3d),
+             free: wp.array(dtype=wp.vec3d), load: wp.array(dtype=wp.vec3d), r: wp.array(dtype=wp.vec3d),
+             local: wp.array(dtype=wp.mat33d), g_out: wp.array(dtype=wp.vec3d), errors_out: wp.array2d(dtype=real)):  # fmt: skip
+    """g = A (v - v*) - load - J^T r, and the largest |D_A^-1 g| of the tile."""
     tile = begin + wp.tid()
     count = sizes[BLOCKS]
-    errors_out[2, tile] = gradient_of(
-        place(tile, tiles, count), place(tile + 1, tiles, count), starts, others, a, t_offsets, t_entries, t_contacts,
-        j, fixed, v, free, load, r, d, local, partner, g_out, diagonal_out, coupled_out,
-    )  # fmt: skip
-
-
-@wp.kernel
-def invert_blocks(begin: int, tiles: int, sizes: wp.array(dtype=int), partner: wp.array(dtype=int),
-                  diagonal: wp.array(dtype=wp.mat33d), coupled: wp.array(dtype=wp.mat33d),
-                  m_out: wp.array(dtype=wp.mat33d), n_out: wp.array(dtype=wp.mat33d)):  # fmt: skip
-    """The preconditioner M: inverses of blocks, of rigid bodies by the Schur complement of their other half."""
-    tile = begin + wp.tid()
-    for i in range(place(tile, tiles, sizes[BLOCKS]), place(tile + 1, tiles, sizes[BLOCKS])):
-        p = partner[i]
-        if p < 0:
-            m_out[i] = wp.inverse(diagonal[i])
-        else:
-            other = wp.inverse(diagonal[p])
-            m = wp.inverse(diagonal[i] - coupled[i] * other * coupled[p])
-            m_out[i] = m
-            n_out[i] = -m * coupled[i] * other
+    errors_out[2, tile] = gradient_of(place(tile, tiles, count), place(tile + 1, tiles, count), starts, others, a,
+                                      t_offsets, t_contacts, jt, fixed, v, free, load, r, local, g_out)  # fmt: skip
 
 
 @wp.kernel
@@ -239,54 +221,12 @@ def largest(begin: int, tiles: int, errors: wp.array2d(dtype=real), scalars_out:
 
 
 @wp.kernel
-def merit(begin: int, tiles: int, sizes: wp.array(dtype=int), offsets: wp.array(dtype=int), columns: wp.array(dtype=int),
-          j: wp.array(dtype=wp.mat33d), v: wp.array(dtype=wp.vec3d), floor: wp.array(dtype=real), mu: wp.array(dtype=real),
-          rho: wp.array(dtype=real), shift: wp.array(dtype=real), multiplier: wp.array(dtype=wp.vec3d),
-          sums_out: wp.array(dtype=real)):  # fmt: skip
-    """The contacts' part of the augmented Lagrangian, sum |r|^2 / (2 rho), by tiles."""
-    tile = begin + wp.tid()
-    total = real(0.0)
-    for c in range(place(tile, tiles, sizes[CONTACTS]), place(tile + 1, tiles, sizes[CONTACTS])):
-        w = relative(c, offsets, columns, j, v)
-        w[0] = w[0] - floor[c] + shift[c]
-        r = on_cone(multiplier[c] - rho[c] * w, mu[c])
-        total += real(0.5) * wp.dot(r, r) / rho[c]
-    sums_out[tile] = total
-
-
-@wp.kernel
-def inertia_merit(begin: int, tiles: int, sizes: wp.array(dtype=int), starts: wp.array(dtype=int),
-                  others: wp.array(dtype=int), a: wp.array(dtype=wp.mat33d), v: wp.array(dtype=wp.vec3d),
-                  free: wp.array(dtype=wp.vec3d), load: wp.array(dtype=wp.vec3d), sums_out: wp.array(dtype=real)):  # fmt: skip
-    """(v - v*) . (A (v - v*) / 2 - load) by tiles."""
-    tile = begin + wp.tid()
-    total = real(0.0)
-    for i in range(place(tile, tiles, sizes[BLOCKS]), place(tile + 1, tiles, sizes[BLOCKS])):
-        q = wp.vec3d()
-        for e in range(starts[i], starts[i + 1]):
-            q += a[e] * (v[others[e]] - free[others[e]])
-        total += wp.dot(v[i] - free[i], real(0.5) * q - load[i])
-    sums_out[tile] = total
-
-
-@wp.kernel
 def move(begin: int, tiles: int, sizes: wp.array(dtype=int), length: wp.array(dtype=real), v: wp.array(dtype=wp.vec3d),
          dv: wp.array(dtype=wp.vec3d), v_out: wp.array(dtype=wp.vec3d)):  # fmt: skip
     """v_out = v + length dv."""
     tile = begin + wp.tid()
     for i in range(place(tile, tiles, sizes[BLOCKS]), place(tile + 1, tiles, sizes[BLOCKS])):
         v_out[i] = v[i] + length[0] * dv[i]
-
-
-@wp.kernel
-def local_inverses(begin: int, tiles: int, sizes: wp.array(dtype=int), starts: wp.array(dtype=int),
-                   others: wp.array(dtype=int), a: wp.array(dtype=wp.mat33d), local_out: wp.array(dtype=wp.mat33d)):  # fmt: skip
-    """Inverses of the diagonal blocks of A."""
-    tile = begin + wp.tid()
-    for i in range(place(tile, tiles, sizes[BLOCKS]), place(tile + 1, tiles, sizes[BLOCKS])):
-        for e in range(starts[i], starts[i + 1]):
-            if others[e] == i:
-                local_out[i] = wp.inverse(a[e])
 
 
 @wp.kernel
@@ -301,14 +241,3 @@ def penalties(begin: int, tiles: int, sizes: wp.array(dtype=int), offsets: wp.ar
             if fixed[columns[e]] == wp.uint8(0):
                 w += wp.trace(j[e] * local[columns[e]] * wp.transpose(j[e]))
         rho_out[c] = real(3.0) * scale[0] / wp.max(w, real(1.0e-300))
-
-
-@wp.kernel
-def wanted_shift(begin: int, tiles: int, sizes: wp.array(dtype=int), offsets: wp.array(dtype=int),
-                 columns: wp.array(dtype=int), j: wp.array(dtype=wp.mat33d), v: wp.array(dtype=wp.vec3d),
-                 mu: wp.array(dtype=real), y_out: wp.array(dtype=wp.vec3d)):  # fmt: skip
-    """mu |u_t| into the first component of y: what the shift is at the start."""
-    tile = begin + wp.tid()
-    for c in range(place(tile, tiles, sizes[CONTACTS]), place(tile + 1, tiles, sizes[CONTACTS])):
-        u = relative(c, offsets, columns, j, v)
-        y_out[c] = wp.vec3d(mu[c] * wp.sqrt(u[1] * u[1] + u[2] * u[2]), real(0.0), real(0.0))
