@@ -24,7 +24,8 @@ start_warp()
 wp.set_module_options({"enable_backward": False})
 
 SMALL = 512  # items below which a launch is not worth cutting
-CROWDED = 1.5  # processes that want to run, for each processor: above, a step runs on one thread
+LOOK = 0.02  # [s] between two looks at how many processes want to run
+LOAD = Path("/proc/loadavg")
 PARALLEL = 8192  # a program whose largest launch is smaller runs on one thread: meeting costs more than it saves
 
 
@@ -77,17 +78,36 @@ def stamp(begin: int, slot: int, ticks_out: wp.array(dtype=wp.float64)):
 
 
 def default_threads() -> int:
-    """Threads a CPU step may use: ``TURNBUCKLE_THREADS``, else the processors this process may run on, at most 8.
-
-    One where others keep the processors more than busy: threads that meet at barriers would wait for their turn there.
-    """
-    asked = os.environ.get("TURNBUCKLE_THREADS", "")
-    if asked.isdigit() and int(asked) > 0:
-        return int(asked)
+    """Threads a CPU step may use: ``TURNBUCKLE_THREADS``, else the processors this process may run on, at most 8."""
+    asked = asked_threads()
+    if asked:
+        return asked
     processors = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    if hasattr(os, "getloadavg") and os.getloadavg()[0] > CROWDED * processors:
-        return 1
     return min(processors, 8)
+
+
+def asked_threads() -> int:
+    """``TURNBUCKLE_THREADS``, 0 where it is not set."""
+    asked = os.environ.get("TURNBUCKLE_THREADS", "")
+    return int(asked) if asked.isdigit() else 0
+
+
+_free = [0.0, 0]  # when it was last looked at, and what was seen
+
+
+def free_processors() -> int:
+    """Processors that no other process wants right now, at least one; looked at anew every `LOOK` seconds.
+
+    Threads that meet at barriers wait for their turn where processes crowd the processors, and lose far more than they gain.
+    """
+    now = time.monotonic()
+    if now - _free[0] > LOOK:
+        try:
+            running = int(LOAD.read_text().split()[3].split("/")[0]) - 1  # without us
+        except (OSError, ValueError, IndexError):  # not Linux
+            running = 0
+        _free[:] = now, max(1, (os.cpu_count() or 1) - max(running, 0))
+    return _free[1]
 
 
 class _Worker:
@@ -136,14 +156,15 @@ class Program:
         self.device = device
         self._on_gpu = wp.get_device(device).is_cuda
         self.threads = 1 if self._on_gpu else threads or default_threads()
+        self._elastic = not threads and not asked_threads()  # fewer where others keep the processors busy
         self.ticks = wp.zeros(64, dtype=wp.float64, device=device)
         self.stages: list[str] = []
         self.seconds: dict[str, float] = {}
         self._segments: list[list] = [
             []
         ]  # each: a list of (kernel, n, inputs, outputs-free) and "barrier", or [callable]
-        self._ready: list | None = None
-        self._meet = wp.zeros(32, dtype=int, device="cpu")
+        self._ready: dict[int, list] | None = None  # by the number of threads
+        self._meet: dict[int, wp.array] = {}
 
     def launch(self, kernel: wp.Kernel, n: int, inputs: Sequence, grain: int = 1) -> None:
         """Record ``kernel`` over ``n`` items, each the work of about ``grain`` points.
@@ -185,42 +206,52 @@ class Program:
             self.threads = 1
         while len(_workers) < self.threads - 1:
             _workers.append(_Worker())
-        self._ready = []
-        for segment in self._segments:
-            if segment and callable(segment[0]):
-                self._ready.append(segment[0])
-            elif segment:
-                self._ready.append([self._capture(segment, thread) for thread in range(self.threads)])
+        self._ready = {}
+        self._graphs(self.threads)
         return self
 
-    def _capture(self, segment: list, thread: int):
+    def _graphs(self, threads: int) -> list:
+        """Graphs, one a thread, and host calls, in turn."""
+        assert self._ready is not None, "Program.finish() was not called"
+        if threads not in self._ready:
+            self._meet[threads] = wp.zeros(32, dtype=int, device="cpu")
+            self._ready[threads] = [
+                segment[0] if callable(segment[0]) else [self._capture(segment, k, threads) for k in range(threads)]
+                for segment in self._segments
+                if segment
+            ]
+        return self._ready[threads]
+
+    def _capture(self, segment: list, thread: int, threads: int):
         with wp.ScopedCapture(device=self.device) as capture:
             count = 0
             for op in segment:
                 if op == "barrier":
-                    if self.threads > 1:
-                        wp.launch(barrier, 1, inputs=[0, self._meet, self.threads], device="cpu")
+                    if threads > 1:
+                        wp.launch(barrier, 1, inputs=[0, self._meet[threads], threads], device="cpu")
                 elif op[0] == "stamp":
                     if thread == 0:
                         wp.launch(stamp, 1, inputs=[0, op[1], self.ticks], device=self.device)
                 else:
                     kernel, n, inputs, grain = op
                     if n * grain < SMALL:  # whole, to one thread in turn
-                        begin, end = (0, n) if count % self.threads == thread else (0, 0)
+                        begin, end = (0, n) if count % threads == thread else (0, 0)
                         count += 1
                     else:
-                        begin, end = n * thread // self.threads, n * (thread + 1) // self.threads
+                        begin, end = n * thread // threads, n * (thread + 1) // threads
                     if end > begin:
                         wp.launch(kernel, end - begin, inputs=[begin, *inputs], device=self.device)
-            if self.threads > 1:
-                wp.launch(barrier, 1, inputs=[0, self._meet, self.threads], device="cpu")
+            if threads > 1:
+                wp.launch(barrier, 1, inputs=[0, self._meet[threads], threads], device="cpu")
         return capture.graph
 
     def run(self) -> None:
         """Replay. On return all results are visible to the host (on CUDA: once it synchronises)."""
-        assert self._ready is not None, "Program.finish() was not called"
+        threads = self.threads
+        if self._elastic and threads > 1:
+            threads = min(threads, free_processors())
         began = time.perf_counter()
-        for part in self._ready:
+        for part in self._graphs(threads):
             if callable(part):
                 part()
             else:
@@ -240,7 +271,7 @@ class Program:
                 worker.done.acquire()
                 started -= 1
         except BaseException:  # an interrupt before our own part ran: release those who wait for us, then tell
-            flags = self._meet.numpy()
+            flags = self._meet[len(graphs)].numpy()
             flags[16] = 1
             for worker in helpers[len(helpers) - started :]:
                 worker.done.acquire(timeout=5.0)

@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import warp as wp
 
-from turnbuckle.compute import default_threads
+from turnbuckle.compute.program import default_threads, free_processors
 
 PIECE = 4096  # items below which a thread of its own does not pay
 PIECES = 8  # a thread, so that one which meets the costly items does not keep the others waiting
@@ -19,7 +19,7 @@ def launch_over_threads(kernel: wp.Kernel, n: int, inputs: Sequence, device: str
     if n == 0:
         return
     on = wp.get_device(device)
-    threads = 1 if on.is_cuda else threads or default_threads()
+    threads = 1 if on.is_cuda else threads or min(default_threads(), free_processors())
     pieces = min(n // PIECE, threads * PIECES)
     if threads == 1 or pieces < 2:
         wp.launch(kernel, n, inputs=[0, *inputs], device=device)

@@ -1,6 +1,7 @@
 """Detection for one step: what is near at its start, and what a motion crosses (Contact, 3.2)."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from turnbuckle.data.contact import VERTEX_FACE, Contacts, Pairs, Surfaces
 
 REACH = 1.5  # of delta: pairs nearer than this are rows from the start
 KEPT = 0.5  # of delta: the distance that continuous collision detection certifies
-PARALLEL = 20_000  # vertices below which threads lose more at their meetings than they save
+PARALLEL = 8_000  # vertices below which threads lose more at their meetings than they save
 FLAT = 0.25  # [rad] edges whose faces turn by less are inside of a face
 START = 0.9  # of the distance at the start: certified where that is less
 
@@ -27,6 +28,7 @@ class Detector:
         self.ccd = Ccd(surfaces, device, threads)
         self.proximity = Proximity(surfaces, device, threads)
         self.reach = REACH
+        self._known: _Known | None = None
         self.smallest_gap = np.inf  # [m] certified by the last call of :meth:`crossed`
         shapes = int(surfaces.shape.max(initial=-1)) + 1
         open_edges = surfaces.edges[(surfaces.edge_faces < 0).any(axis=1), 0]
@@ -86,23 +88,71 @@ class Detector:
         sums = [np.bincount(faces.ravel(), np.repeat(normal[:, k], 3), minlength=count) for k in range(3)]
         return np.concatenate([normal, np.zeros((1, 3))]), np.stack(sums, axis=1)
 
-    def crossed(self, x0: np.ndarray, x1: np.ndarray) -> Contacts:
-        """Contacts of pairs that come too near on the straight way from ``x0`` to ``x1``."""
-        pairs = self.broad.candidates(x0, x1, self.surfaces.delta)
+    def crossed(self, x0: np.ndarray, x1: np.ndarray, slack: float = 0.0) -> Contacts:
+        """Contacts of pairs that come too near on the straight way from ``x0`` to ``x1``.
+
+        ``slack`` [m]: a later call from the same ``x0`` whose ends are within this of ``x1`` looks again only at pairs
+        that the difference may bring too near.
+        """
+        known = self._known
+        shift = known.shift(x0, x1) if known is not None else None
+        if known is None or shift is None:
+            pairs = self.broad.candidates(x0, x1, self.surfaces.delta + slack)
+            keep = KEPT * self.deltas(pairs.kind, pairs.a, pairs.b)
+            known = _Known(x0, x1, slack, pairs, keep, np.zeros(pairs.count))
+            which = np.arange(pairs.count)
+        else:
+            known.move(x1, shift, self.surfaces)
+            which = np.flatnonzero(known.gap < known.keep)
+        self._known = known if slack > 0.0 else None
+        few = known.pairs if len(which) == known.pairs.count else known.pairs.part(which)
         self.smallest_gap = np.inf
-        if pairs.count == 0:
+        if known.pairs.count == 0:
             return no_contacts()
-        keep = KEPT * self.deltas(pairs.kind, pairs.a, pairs.b)
-        contacts, walked = self.ccd.first_impacts(pairs, x0, x1, keep)
+        keep = known.keep[which]
+        contacts, walked = self.ccd.first_impacts(few, x0, x1, keep)
+        known.gap[which] = np.where(walked.hit, 0.0, walked.gap)
+        gap = walked.smallest_gap
         early = contacts.time <= 0.0
         if early.any():  # nearer than that from the start: ask for less
-            which = np.flatnonzero(walked.hit)[early]
-            few = Pairs(pairs.kind[which], pairs.a[which], pairs.b[which])
-            again, _ = self.ccd.first_impacts(few, x0, x1, START * contacts.distance[early])
+            nearer = few.part(np.flatnonzero(walked.hit)[early])
+            again, _ = self.ccd.first_impacts(nearer, x0, x1, START * contacts.distance[early])
             contacts = _joined_in_order(contacts, ~early, again)
-            walked = self.ccd.walk(pairs, x0, x1, 0.0) if contacts.count == 0 else walked
-        self.smallest_gap = walked.smallest_gap
+            gap = self.ccd.walk(few, x0, x1, 0.0).smallest_gap if contacts.count == 0 else gap
+        rest = np.delete(known.gap, which) if len(which) < known.pairs.count else np.zeros(0)
+        self.smallest_gap = min(gap, float(rest.min(initial=np.inf)))
         return contacts
+
+
+@dataclass
+class _Known:
+    """What a walk certified: pairs and the distance that they keep on the way from x0 to x1."""
+
+    x0: np.ndarray
+    x1: np.ndarray
+    slack: float  # [m] pairs of all motions that end within this of x1 are among them
+    pairs: Pairs
+    keep: np.ndarray  # (n,) [m] asked for
+    gap: np.ndarray  # (n,) [m] certified; 0 where not
+    moved: float = 0.0  # [m] of the slack that is used up
+
+    def shift(self, x0: np.ndarray, x1: np.ndarray) -> np.ndarray | None:
+        """How far each vertex ends from where it ended before (s,) [m]; None where that is too far."""
+        if self.slack == 0.0 or not np.array_equal(x0, self.x0):
+            return None
+        shift = np.linalg.norm(x1 - self.x1, axis=1)
+        return shift if self.moved + shift.max(initial=0.0) <= self.slack else None
+
+    def move(self, x1: np.ndarray, shift: np.ndarray, surfaces: Surfaces) -> None:
+        """At no time of the step is a place farther than its shift from where it was, so no gap loses more than both."""
+        face = self.pairs.kind == VERTEX_FACE
+        a, b = self.pairs.a, self.pairs.b
+        of_faces, of_edges = shift[surfaces.faces].max(axis=1), shift[surfaces.edges].max(axis=1)
+        lost = np.empty(len(a))
+        lost[face] = shift[a[face]] + of_faces[b[face]]
+        lost[~face] = of_edges[a[~face]] + of_edges[b[~face]]
+        self.gap -= lost
+        self.x1, self.moved = x1, self.moved + float(shift.max(initial=0.0))
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:

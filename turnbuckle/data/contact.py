@@ -54,6 +54,10 @@ class Pairs:
         """Pairs."""
         return len(self.kind)
 
+    def part(self, which: np.ndarray) -> "Pairs":
+        """Some of them: numbers, or (n,) bool."""
+        return Pairs(self.kind[which], self.a[which], self.b[which])
+
 
 @dataclass
 class Contacts:

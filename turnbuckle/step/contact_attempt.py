@@ -63,6 +63,7 @@ class Attempt:
         pace = min(max(fastest / (FAST * scale), REST), 1.0) if scale > 0.0 else 1.0
         self.tolerance = max(model.contact.tolerance * scale * pace, LEAST)
         self.iterations: dict[str, int] = {}
+        self.slack = 2.0 * ROUGH * self.tolerance * h  # by which later rounds of a step may end elsewhere
         self.free: np.ndarray | None = None
         self.limits = Limits(self)
         self.parting = np.zeros(0)  # [m/s] at which crossings part
@@ -152,7 +153,7 @@ class Attempt:
     def crossed(self, s1: np.ndarray) -> Contacts:
         """What the way to ``s1`` comes too near to; a way that is clear by a rough solution is solved in full first."""
         with self.stepper.timed("ccd"):
-            found = self.stepper.detector.crossed(self.s0, s1)
+            found = self.stepper.detector.crossed(self.s0, s1, self.slack if self.rough else 0.0)
         if self.stepper.opening is not None:
             found = self.stepper.opening.without(found)
         self.stepper.state.contact_found |= found.count > 0
