@@ -58,7 +58,6 @@ class Detector:
         and outlines do not. Whatever is left out and still in the way is found in the next round.
         """
         face = found.kind == VERTEX_FACE
-        a, b = np.where(face, 0, found.a), np.where(face, 0, found.b)
         normals, vertex_normals = self._outwards(x0)
         outside = np.ones(found.count, dtype=bool)
         flat = np.zeros(found.count, dtype=bool)
@@ -97,7 +96,7 @@ class Detector:
         known = self._known
         shift = known.shift(x0, x1) if known is not None else None
         if known is None or shift is None:
-            pairs = self.broad.candidates(x0, x1, self.surfaces.delta + slack)
+            pairs = self.broad.candidates(x0, x1, self.surfaces.delta + 2.0 * slack)  # both sides may end elsewhere
             keep = KEPT * self.deltas(pairs.kind, pairs.a, pairs.b)
             known = _Known(x0, x1, slack, pairs, keep, np.zeros(pairs.count))
             which = np.arange(pairs.count)

@@ -54,6 +54,8 @@ class Attempt:
         self.frame = np.zeros((0, 3, 3))
         self.impulse = np.zeros((0, 3))  # world
         self.friction = np.zeros(0)
+        self.gap, self.target = np.zeros(0), np.zeros(0)  # [m] of rows at the start, and what they ask for at the end
+        self.rows = _no_rows(3 * dynamics.n)
         gravity = float(np.linalg.norm(state.gravity)) * h
         still = PART * float(stepper.surfaces.delta.min()) / h if stepper.surfaces.vertices else 0.0
         if stepper.dynamics_of.fine and gravity > 0.0:
@@ -204,9 +206,7 @@ class Attempt:
     @staticmethod
     def _alone(problem: ContactProblem) -> ContactProblem:
         """The problem without contacts and equality rows."""
-        none = (np.zeros((0, 3, 3)), np.zeros(0, np.int32), np.zeros(1, np.int32))
-        empty = sp.bsr_array(none, shape=(0, len(problem.free)))
-        return replace(problem, j=empty, floor=np.zeros(0), friction=np.zeros(0), e=None, wanted=np.zeros(0))
+        return replace(problem, j=_no_rows(len(problem.free)), floor=np.zeros(0), friction=np.zeros(0), e=None, wanted=np.zeros(0))
 
     def moved(self, v: np.ndarray) -> np.ndarray:
         """Surface vertices at the end of the step with block velocities v (n, 3), which become those of the attempt."""
@@ -215,30 +215,36 @@ class Attempt:
         return self.stepper.surfaces.positions(self.x1)
 
     def _problem(self, contacts: Contacts) -> ContactProblem:
-        stepper, surfaces, h = self.stepper, self.stepper.surfaces, self.h
-        new = contacts.count - len(self.impulse)
-        if new:  # those of earlier rounds come first
-            fresh = Contacts(*(getattr(contacts, n)[len(self.impulse) :] for n in Contacts.__dataclass_fields__))
-            ratio = h / self.dt0 if self.dt0 > 0.0 else 1.0
-            known, slid = stepper.memory.recall(fresh, ratio)
-            self.frame = np.concatenate([self.frame, frames(fresh.normal)])
-            self.impulse = np.concatenate([self.impulse, known])
-            sides = surfaces.shape[fresh.vertices[:, 0]], surfaces.shape[fresh.vertices[:, 3]]
-            mu = surfaces.friction[sides[0], sides[1]]
-            slid |= self._slides(fresh)
-            self.friction = np.concatenate([self.friction, np.where(slid, mu[:, 1], mu[:, 0])])
-        gap = np.einsum("mk,mkd,md->m", contacts.coefficients, self.s0[contacts.vertices], contacts.normal)
-        delta = stepper.detector.deltas(contacts.kind, contacts.a, contacts.b)
-        apart = np.minimum(RECOVERED * np.maximum(NEAR * delta - contacts.distance, 0.0), stepper.options.recovery * h)
-        target = np.where(contacts.distance < delta, contacts.distance + apart, delta)
-        floor = (target - gap) / h
+        """The problem with these contacts; those of earlier rounds come first, and their rows are kept."""
+        stepper, h = self.stepper, self.h
+        if contacts.count > len(self.impulse):
+            self._add(contacts.part(np.arange(len(self.impulse), contacts.count)))
+        floor = (self.target - self.gap) / h
         if stepper.options.rows == "velocity":
             floor = np.zeros(contacts.count)
         return ContactProblem(
-            a=self.a, free=self.base.ravel(), j=contact_rows(surfaces, contacts, self.frame, self.arms, stepper.map),
-            floor=floor, friction=self.friction, pairs=stepper.dynamics.pairs,
-            fixed=self.prescribed.fixed, load=None if self.load is None else self.load.ravel(),
+            a=self.a, free=self.base.ravel(), j=self.rows, floor=floor, friction=self.friction,
+            pairs=stepper.dynamics.pairs, fixed=self.prescribed.fixed, load=None if self.load is None else self.load.ravel(),
         )  # fmt: skip
+
+    def _add(self, fresh: Contacts) -> None:
+        """Rows of contacts that are new in this attempt."""
+        stepper, surfaces, h = self.stepper, self.stepper.surfaces, self.h
+        frame = frames(fresh.normal)
+        ratio = h / self.dt0 if self.dt0 > 0.0 else 1.0
+        known, slid = stepper.memory.recall(fresh, ratio)
+        slid |= self._slides(fresh)
+        mu = surfaces.friction[surfaces.shape[fresh.vertices[:, 0]], surfaces.shape[fresh.vertices[:, 3]]]
+        gap = np.einsum("mk,mkd,md->m", fresh.coefficients, self.s0[fresh.vertices], fresh.normal)
+        delta = stepper.detector.deltas(fresh.kind, fresh.a, fresh.b)
+        apart = np.minimum(RECOVERED * np.maximum(NEAR * delta - fresh.distance, 0.0), stepper.options.recovery * h)
+        target = np.where(fresh.distance < delta, fresh.distance + apart, delta)
+        rows = contact_rows(surfaces, fresh, frame, self.arms, stepper.map)
+        self.rows = stacked([self.rows, rows])
+        self.frame = np.concatenate([self.frame, frame])
+        self.impulse = np.concatenate([self.impulse, known])
+        self.friction = np.concatenate([self.friction, np.where(slid, mu[:, 1], mu[:, 0])])
+        self.gap, self.target = np.concatenate([self.gap, gap]), np.concatenate([self.target, target])
 
     def _slides(self, contacts: Contacts) -> np.ndarray:
         """Whether the places of contacts pass each other at the start (m,): a pair that is new may be of bodies that slid."""
@@ -280,3 +286,8 @@ class Attempt:
             alone = self._alone(problem)
             self.free = stepper.solver.solve(alone, None, None, FREE * self.tolerance, options.max_iterations).velocity
         return replace(problem, free=self.free, load=None)
+
+
+def _no_rows(columns: int) -> sp.bsr_array:
+    none = (np.zeros((0, 3, 3)), np.zeros(0, np.int32), np.zeros(1, np.int32))
+    return sp.bsr_array(none, shape=(0, columns))

@@ -124,7 +124,7 @@ class NewtonSolver:
         errors = self._evaluate()
         exact, again = EXACT * tolerance, 1 if self.factors is None else AGAIN
         for _ in range(max_iterations):
-            if errors.worst <= tolerance and (newton > 0 or errors.worst <= exact):
+            if errors.worst <= tolerance and (newton > 0 or split > 0 or errors.worst <= exact):
                 converged = True
                 break
             if errors.gradient <= max(GATE * errors.multipliers, exact):
@@ -176,14 +176,16 @@ class NewtonSolver:
         self._run("first_shift")  # u
         b.write("copy", b.read("u", m))
         self._run("split")
-        for batch in range(1, splitting.LIMIT + 1):
+        batches = 0
+        while batches < splitting.LIMIT:
             self._run("iterations")
+            batches += 1
             b.write("multiplier", b.read("r", m))
             self._run("first_shift")
             if self._evaluate().worst <= tolerance:
                 break
             b.write("r", b.read("multiplier", m))
-        return batch * splitting.BATCH
+        return batches * splitting.BATCH
 
     def _newton_step(self) -> tuple[int, Errors]:
         """One step, as long as is best; iterations of conjugate gradients, and the errors after it."""
