@@ -14,6 +14,7 @@ from turnbuckle.data.contact import VERTEX_FACE, Contacts, Pairs, Surfaces
 REACH = 1.5  # of delta: pairs nearer than this are rows from the start
 KEPT = 0.5  # of delta: the distance that continuous collision detection certifies
 PARALLEL = 8_000  # vertices below which threads lose more at their meetings than they save
+SHORT = 4.0  # of the reach: one search for what is near and for what is on the way pays where motions are shorter
 FLAT = 0.25  # [rad] edges whose faces turn by less are inside of a face
 START = 0.9  # of the distance at the start: certified where that is less
 
@@ -28,7 +29,10 @@ class Detector:
         self.ccd = Ccd(surfaces, device, threads)
         self.proximity = Proximity(surfaces, device, threads)
         self.reach = REACH
+        half = 0.5 * surfaces.delta
+        self._deltas = half, half[surfaces.faces[:, 0]], half[surfaces.edges[:, 0]]
         self._known: _Known | None = None
+        self._ahead: tuple[np.ndarray, np.ndarray, Pairs] | None = None  # from, towards, and what was found on the way
         self.smallest_gap = np.inf  # [m] certified by the last call of :meth:`crossed`
         shapes = int(surfaces.shape.max(initial=-1)) + 1
         open_edges = surfaces.edges[(surfaces.edge_faces < 0).any(axis=1), 0]
@@ -36,19 +40,35 @@ class Detector:
 
     def deltas(self, kind: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """The distance that pairs keep (n,) [m], the mean of both sides."""
-        s = self.surfaces
+        of_vertices, of_faces, of_edges = self._deltas
         face = kind == VERTEX_FACE
         out = np.empty(len(kind))
-        out[face] = 0.5 * (s.delta[a[face]] + s.delta[s.faces[b[face], 0]])
-        out[~face] = 0.5 * (s.delta[s.edges[a[~face], 0]] + s.delta[s.edges[b[~face], 0]])
+        out[face] = of_vertices[a[face]] + of_faces[b[face]]
+        out[~face] = of_edges[a[~face]] + of_edges[b[~face]]
         return out
 
-    def near(self, x0: np.ndarray) -> Contacts:
-        """Contacts of pairs that are near at ``x0`` (s, 3) [m]."""
-        pairs = self.broad.candidates(x0, x0, self.reach * self.surfaces.delta)
+    def near(self, x0: np.ndarray, towards: np.ndarray | None = None) -> Contacts:
+        """Contacts of pairs that are near at ``x0`` (s, 3) [m].
+
+        ``towards`` (s, 3) [m]: where vertices would end if nothing happened; the search then serves `crossed` as well,
+        if the motion ends close to that.
+        """
+        reach = self.reach * self.surfaces.delta
+        ahead = towards is not None and float(np.linalg.norm(towards - x0, axis=1).mean()) < SHORT * reach.mean()
+        pairs = self.broad.candidates(x0, towards if ahead else x0, reach)  # type: ignore[arg-type]
+        self._ahead = (x0, towards, pairs) if ahead else None
         if pairs.count == 0:
             return no_contacts()
         return self.proximity.contacts(pairs, x0, self.reach * self.deltas(pairs.kind, pairs.a, pairs.b))
+
+    def _search(self, x0: np.ndarray, x1: np.ndarray, slack: float) -> tuple[Pairs, float]:
+        """Pairs for `crossed`, and the slack [m] that they leave."""
+        if self._ahead is not None and self._ahead[0] is x0:
+            # found there: all that come nearer than reach; asked for here: than delta. Both sides may end elsewhere
+            room = 0.5 * (self.reach - 1.0) * self.surfaces.delta - np.linalg.norm(x1 - self._ahead[1], axis=1)
+            if room.min(initial=np.inf) >= 0.0:
+                return self._ahead[2], min(slack, float(room.min(initial=np.inf)))
+        return self.broad.candidates(x0, x1, self.surfaces.delta + 2.0 * slack), slack
 
     def chosen(self, found: Contacts, x0: np.ndarray) -> Contacts:
         """Of what a motion crosses, what says most: that which each place meets first, from the right side.
@@ -96,7 +116,7 @@ class Detector:
         known = self._known
         shift = known.shift(x0, x1) if known is not None else None
         if known is None or shift is None:
-            pairs = self.broad.candidates(x0, x1, self.surfaces.delta + 2.0 * slack)  # both sides may end elsewhere
+            pairs, slack = self._search(x0, x1, slack)
             keep = KEPT * self.deltas(pairs.kind, pairs.a, pairs.b)
             known = _Known(x0, x1, slack, pairs, keep, np.zeros(pairs.count))
             which = np.arange(pairs.count)

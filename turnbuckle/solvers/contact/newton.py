@@ -35,9 +35,9 @@ from turnbuckle.solvers.contact.newton_drift import Drift
 from turnbuckle.solvers.contact.newton_equality import EqualityRows
 from turnbuckle.solvers.contact.newton_search import along, best_length, slopes
 
-SCALE = 0.3  # rho times the compliance of a contact by itself
+SCALE = 2.0, 0.3  # rho times the compliance of a contact by itself; where small bodies are factored
 GATE = 3.0  # multipliers are updated once the gradient is below this times what they miss by
-FORCING = 0.2  # part of the gradient that conjugate gradients may leave
+FORCING = 0.3, 0.2  # part of the gradient that conjugate gradients may leave; the same
 BATCH = 8  # iterations of conjugate gradients between two looks at the result
 CG_LIMIT = 200.0
 TILES = 64
@@ -111,7 +111,7 @@ class NewtonSolver:
             guess[problem.fixed] = problem.free.reshape(-1, 3)[problem.fixed]
         b.write("v", guess)
         b.write("multiplier", np.zeros((m, 3)) if start is None else start)
-        scale = SCALE
+        scale = SCALE[self.factors is not None]
         b.write("scale", np.array([scale]))
         self._run("begin")
         if self.rows is not None:
@@ -285,7 +285,7 @@ class NewtonSolver:
             "evaluate": program(forces, slope, (k.largest, [t, b.errors, b.scalars], 1)),
             "update": program((k.update_multipliers, [t, s, b.u, b.mu, b.r, b.shift, b.multiplier], t)),
             "newton": program((cg.begin_gradients, [t, s, b.g, b.residual, b.dv, b.p, b.q, b.pq, b.scalars], t), advance,
-                              *apply, (cg.first_direction, [t, b.sums, FORCING, b.scalars], 1), *(iteration * batch)),
+                              *apply, (cg.first_direction, [t, b.sums, FORCING[self.factors is not None], b.scalars], 1), *(iteration * batch)),
             "iterate": program(*(iteration * batch)),
             "slopes": program((slopes, [*contact, b.dv, b.g, b.residual, b.r, b.d, b.du, b.slopes], t)),
             "along": program((along, [t, s, b.length, b.u, b.du, *law, b.slopes], t)),

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from turnbuckle.compute import Program
     from turnbuckle.solvers.contact.newton_buffers import Buffers
 
-SCALE = 0.7  # R times the estimated compliance of a contact
+WEIGHT = 0.7  # R times the estimated compliance of a contact
 RELAX = 1.7
 BATCH = 8  # iterations between two looks at the errors
 LIMIT = 8  # batches
@@ -48,7 +48,7 @@ def record(
     matrix, transposed = [b.starts, b.others, b.a], [b.t_offsets, b.t_contacts, b.jt]
     contact = [t, s, b.offsets, b.columns, b.j]
     factor = [
-        (own.weights, [*contact, b.local, b.fixed, b.partner, b.mass, SCALE, b.weight, b.span], t),
+        (own.weights, [*contact, b.local, b.fixed, b.partner, b.mass, WEIGHT, b.weight, b.span], t),
         (own.majorant, [t, s, *matrix, *transposed, b.weight, b.span, b.partner, b.diagonal, b.coupled], t),
         (blocks.invert_blocks, [t, s, b.partner, b.diagonal, b.coupled, b.m, b.n], t),
     ]
