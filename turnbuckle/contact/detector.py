@@ -47,6 +47,10 @@ class Detector:
         out[~face] = of_edges[a[~face]] + of_edges[b[~face]]
         return out
 
+    def forget(self) -> None:
+        """Begin a step: what it finds depends on nothing that was found before."""
+        self._known = self._ahead = None
+
     def near(self, x0: np.ndarray, towards: np.ndarray | None = None) -> Contacts:
         """Contacts of pairs that are near at ``x0`` (s, 3) [m].
 

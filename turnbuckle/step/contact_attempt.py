@@ -48,6 +48,7 @@ class Attempt:
         self.arms = dynamics.arms(self.x0)
         self.closing = Closing(h, equal.rows, stepper.map, stepper.joints, self.arms, self.v0)
         self.s0 = stepper.surfaces.positions(self.x0)
+        stepper.detector.forget()
         self.v = self.v0.copy()
         self.solution: ContactSolution | None = None
         self.solved = no_contacts()  # the contacts of the last solution

@@ -5,7 +5,6 @@ Blocks are 3 x 3 of points, 6 x 6 of rigid bodies. See `newton_kernels` for tile
 
 import warp as wp
 
-from turnbuckle.math.types import real
 from turnbuckle.solvers.contact.newton_kernels import BLOCKS, place
 
 wp.set_module_options({"enable_backward": False})
