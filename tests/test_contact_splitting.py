@@ -53,7 +53,7 @@ def test_k_is_no_less_than_the_matrix_of_the_augmented_problem(make) -> None:
     solver = NewtonSolver()
     solver.solve(problem, max_iterations=1)
     b, n, m = solver.buffers, len(problem.free) // 3, problem.count
-    for name in ("begin", "split"):
+    for name in ("begin", "weights", "split"):
         solver._run(name)
     weight, diagonal, coupled = b.read("weight", m), b.read("diagonal", n), b.read("coupled", n)
     a = problem.a.toarray()

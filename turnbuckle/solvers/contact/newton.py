@@ -43,11 +43,10 @@ CG_LIMIT = 200.0
 TILES = 64
 SMALL = 500  # blocks and contacts below which one thread does all
 PARALLEL = 8_000  # blocks and contacts below which threads lose more at their meetings than they save
-SLOW = 0.8  # multipliers that gain less a round make the penalty grow
-GROWTH = 1.5
+SLOW = 0.5  # contacts that gain less from an update of multipliers
+GROWTH = 2.0  # get a larger penalty, by this factor
 AGAIN = 3  # Newton steps between two factorisations of small bodies, which hold what their contacts add to the diagonal
 EXACT = 1e-3  # of the tolerance: a start that misses by less needs no step; others get one, so that rest becomes exact
-LARGEST = 1e4  # the largest SCALE
 
 
 @dataclass
@@ -111,15 +110,15 @@ class NewtonSolver:
             guess[problem.fixed] = problem.free.reshape(-1, 3)[problem.fixed]
         b.write("v", guess)
         b.write("multiplier", np.zeros((m, 3)) if start is None else start)
-        scale = SCALE[self.factors is not None]
-        b.write("scale", np.array([scale]))
+        b.write("scale", np.array([SCALE[self.factors is not None]]))
+        b.write("goal", np.array([tolerance]))
+        b.write("missed", np.full(m, np.inf))
         self._run("begin")
         if self.rows is not None:
             self.rows.meet()
         split = self._split(m, tolerance)
         self._run("first_shift")
         newton = updates = cg = 0
-        missed = np.inf
         converged, message = False, ""
         errors = self._evaluate()
         exact, again = EXACT * tolerance, 1 if self.factors is None else AGAIN
@@ -128,11 +127,6 @@ class NewtonSolver:
                 converged = True
                 break
             if errors.gradient <= max(GATE * errors.multipliers, exact):
-                if updates > 2 and errors.multipliers > SLOW * missed and scale < LARGEST:
-                    scale *= GROWTH
-                    b.write("scale", np.array([scale]))
-                    self._run("penalties")
-                missed = errors.multipliers
                 self._run("update")
                 updates += 1
                 errors = self._evaluate()
@@ -175,6 +169,7 @@ class NewtonSolver:
         b.write("r", b.read("multiplier", m))
         self._run("first_shift")  # u
         b.write("copy", b.read("u", m))
+        self._run("weights")
         self._run("split")
         batches = 0
         while batches < splitting.LIMIT:
@@ -185,6 +180,10 @@ class NewtonSolver:
             if self._evaluate().worst <= tolerance:
                 break
             b.write("r", b.read("multiplier", m))
+            self._run("stiffen")
+            if batches < splitting.LIMIT and host(b.sums).any():
+                self._run("split")
+        b.write("missed", np.full(m, np.inf))
         return batches * splitting.BATCH
 
     def _newton_step(self) -> tuple[int, Errors]:
@@ -281,9 +280,9 @@ class NewtonSolver:
             "first_shift": program((k.first_shift, [*contact, b.v, b.mu, b.u, b.shift], t)),
             "blocks": program(diagonals, invert),
             "factor": program(*factor),
-            "penalties": program(penalties),
             "evaluate": program(forces, slope, (k.largest, [t, b.errors, b.scalars], 1)),
-            "update": program((k.update_multipliers, [t, s, b.u, b.mu, b.r, b.shift, b.multiplier], t)),
+            "update": program((k.update_multipliers, [t, s, b.u, b.mu, b.r, b.goal, SLOW, GROWTH, b.rho, b.missed, b.shift,
+                                                      b.multiplier], t)),
             "newton": program((cg.begin_gradients, [t, s, b.g, b.residual, b.dv, b.p, b.q, b.pq, b.scalars], t), advance,
                               *apply, (cg.first_direction, [t, b.sums, FORCING[self.factors is not None], b.scalars], 1), *(iteration * batch)),
             "iterate": program(*(iteration * batch)),

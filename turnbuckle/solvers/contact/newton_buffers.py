@@ -22,6 +22,7 @@ class Buffers:
         self.sizes = wp.zeros(2, dtype=int, device=device)
         self.scalars = wp.zeros(SCALARS, dtype=real, device=device)
         self.scale = wp.zeros(1, dtype=real, device=device)
+        self.goal = wp.zeros(1, dtype=real, device=device)
         self.zero = wp.zeros(1, dtype=real, device=device)
         self.length = wp.zeros(1, dtype=real, device=device)
         self._arrays: dict[str, wp.array] = {}
@@ -63,7 +64,7 @@ class Buffers:
         for name in ("multiplier", "r", "y", "u", "du", "copy", "push"):
             self._room(name, m, wp.vec3d)
         self._room("d", m, wp.mat33d)
-        for name in ("rho", "shift", "weight", "span"):
+        for name in ("rho", "shift", "weight", "span", "missed"):
             self._room(name, m, real)
         self._room("sums", tiles, real)
         self._room("pq", tiles, real)

@@ -122,12 +122,21 @@ def contact_forces(begin: int, tiles: int, sizes: wp.array(dtype=int), offsets: 
 
 @wp.kernel
 def update_multipliers(begin: int, tiles: int, sizes: wp.array(dtype=int), u: wp.array(dtype=wp.vec3d),
-                       mu: wp.array(dtype=real), r: wp.array(dtype=wp.vec3d), shift_out: wp.array(dtype=real),
-                       multiplier_out: wp.array(dtype=wp.vec3d)):  # fmt: skip
-    """l <- r, and the shift of De Saxce, mu |u_t|, which turns the cone's projection into Coulomb's law."""
+                       mu: wp.array(dtype=real), r: wp.array(dtype=wp.vec3d), goal: wp.array(dtype=real), slow: real,
+                       growth: real, rho: wp.array(dtype=real), missed: wp.array(dtype=real),
+                       shift_out: wp.array(dtype=real), multiplier: wp.array(dtype=wp.vec3d)):  # fmt: skip
+    """l <- r, and the shift of De Saxce, mu |u_t|, which turns the cone's projection into Coulomb's law.
+
+    The penalty of a contact that still misses more than the goal, and hardly less than at the last update, grows: what is
+    squeezed between others is far stiffer than it is by itself.
+    """
     tile = begin + wp.tid()
     for c in range(place(tile, tiles, sizes[CONTACTS]), place(tile + 1, tiles, sizes[CONTACTS])):
-        multiplier_out[c] = r[c]
+        miss = wp.length(r[c] - multiplier[c]) / rho[c]
+        if miss > goal[0] and miss > slow * missed[c]:
+            rho[c] = growth * rho[c]
+        missed[c] = miss
+        multiplier[c] = r[c]
         shift_out[c] = mu[c] * slip(u[c])
 
 

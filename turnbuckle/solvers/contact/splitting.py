@@ -35,6 +35,8 @@ WEIGHT = 0.7  # R times the estimated compliance of a contact
 RELAX = 1.7
 BATCH = 8  # iterations between two looks at the errors
 LIMIT = 8  # batches
+SLOW = 0.9  # contacts whose u and z come together less in a batch
+GROWTH = 4.0  # get a larger weight, by this factor
 
 
 def record(
@@ -47,8 +49,9 @@ def record(
     t, s = tiles, b.sizes
     matrix, transposed = [b.starts, b.others, b.a], [b.t_offsets, b.t_contacts, b.jt]
     contact = [t, s, b.offsets, b.columns, b.j]
+    weights = (own.weights, [*contact, b.local, b.fixed, b.partner, b.mass, WEIGHT, b.weight, b.span], t)
+    stiffen = (own.stiffen, [t, s, b.u, b.copy, b.goal, SLOW, GROWTH, b.missed, b.weight, b.sums], t)
     factor = [
-        (own.weights, [*contact, b.local, b.fixed, b.partner, b.mass, WEIGHT, b.weight, b.span], t),
         (own.majorant, [t, s, *matrix, *transposed, b.weight, b.span, b.partner, b.diagonal, b.coupled], t),
         (blocks.invert_blocks, [t, s, b.partner, b.diagonal, b.coupled, b.m, b.n], t),
     ]
@@ -63,7 +66,12 @@ def record(
         *solve,
         (own.motion_step, [t, s, b.partner, b.fixed, b.apart, b.m, b.n, b.g, b.z, b.v], t),
     ]  # fmt: skip
-    return {"split": program(*factor), "iterations": program(*(iteration * BATCH))}
+    return {
+        "weights": program(weights),
+        "split": program(*factor),
+        "iterations": program(*(iteration * BATCH)),
+        "stiffen": program(stiffen),
+    }
 
 
 def masses(problem_a, label: np.ndarray, count: int) -> np.ndarray:

@@ -120,3 +120,22 @@ def motion_step(begin: int, tiles: int, sizes: wp.array(dtype=int), partner: wp.
                 if partner[i] >= 0:
                     step = step + n[i] * g[partner[i]]
                 v[i] = v[i] - step
+
+
+@wp.kernel
+def stiffen(begin: int, tiles: int, sizes: wp.array(dtype=int), u: wp.array(dtype=wp.vec3d), z: wp.array(dtype=wp.vec3d),
+            goal: wp.array(dtype=real), slow: real, growth: real, missed: wp.array(dtype=real),
+            weight: wp.array(dtype=real), stiffened_out: wp.array(dtype=real)):  # fmt: skip
+    """R of contacts whose u and z come together too slowly grows; how many of the tile that are.
+
+    What is squeezed between others is far stiffer than its bodies are as a whole.
+    """
+    tile = begin + wp.tid()
+    count = real(0.0)
+    for c in range(place(tile, tiles, sizes[CONTACTS]), place(tile + 1, tiles, sizes[CONTACTS])):
+        miss = wp.length(u[c] - z[c])
+        if miss > goal[0] and miss > slow * missed[c]:
+            weight[c] = growth * weight[c]
+            count += real(1.0)
+        missed[c] = miss
+    stiffened_out[tile] = count
