@@ -24,7 +24,7 @@ RECOVERED = 0.2  # part of what a contact is too near by that a step gives back
 SLIDING = 10.0  # of the tolerance: tangential speeds at the start beyond which a contact slides
 LEAST = 1e-9  # [m/s] the smallest tolerance
 PART = 0.25  # of delta: a motion in a step that the tolerance is a part of, where gravity does less
-ROUGH = 10.0  # times the tolerance, while contacts are still being found
+ROUGH = 5.0  # times the tolerance, while contacts are still being found
 FAST = 10.0  # times what gravity does in a step: where all is slower, the tolerance shrinks with the speed,
 REST = 1e-2  # to this part of itself, so that piles come to rest
 FEW = 60  # contacts that are solved anew by the dense solver where the default one does not converge
@@ -179,27 +179,15 @@ class Attempt:
         return found if opening is None else opening.without(found)
 
     def expected(self, near: Contacts) -> Contacts:
-        """What the motion under the impulses of the last step would cross, beside what is near: asked in fast motion.
+        """What motion at the velocities of the start would cross, beside what is near: asked in fast motion.
 
         The first solve then knows most of what it will meet.
         """
-        if not self.rough or self.load is None:
+        if not self.rough:
             return no_contacts()
         stepper = self.stepper
-        with stepper.timed("rows"):
-            problem = self._problem(near)
-            push = problem.j.T @ np.einsum("mij,mj->mi", self.frame, self.impulse).ravel()
-        with stepper.timed("contact_solve"):
-            free = replace(self._alone(problem), load=problem.load + push)
-            found = stepper.solver.solve(
-                free, None, self.v.ravel(), ROUGH * self.tolerance, stepper.options.max_iterations
-            )
-        if not np.isfinite(found.velocity).all():
-            return no_contacts()
-        s1 = self.moved(found.velocity.reshape(-1, 3))
-        self.v = self.v0.copy()
         with stepper.timed("ccd"):
-            crossed = stepper.detector.crossed(self.s0, s1)
+            crossed = stepper.detector.crossed(self.s0, self.moved(self.v0.copy()))
             if stepper.opening is not None:
                 crossed = stepper.opening.without(crossed)
             stepper.state.contact_found |= crossed.count > 0
