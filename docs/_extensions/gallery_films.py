@@ -1,4 +1,4 @@
-"""What a page of the gallery writes into its folder, pictures (.png) and films (.mp4), is moved into the built pages.
+"""What a page of the gallery writes into its folder, pictures (.png, .svg) and films (.mp4), is moved into the built pages.
 
 A scraper of sphinx-gallery (`image_scrapers` in `conf.py`). A picture of the same name as a film is its thumbnail only.
 """
@@ -24,8 +24,8 @@ def scrape(block: Any, block_vars: dict[str, Any], gallery_conf: dict[str, Any])
     folder, source = Path(block_vars["src_file"]).parent, Path(gallery_conf["src_dir"])
     shown = []
     films = sorted(folder.glob("*.mp4"))
-    for picture in sorted(folder.glob("*.png")):
-        place = Path(next(block_vars["image_path_iterator"]))
+    for picture in sorted(path for path in folder.iterdir() if path.suffix in (".png", ".svg")):
+        place = Path(next(block_vars["image_path_iterator"])).with_suffix(picture.suffix)
         shutil.move(picture, place)
         if picture.with_suffix(".mp4") not in films:
             shown.append(figure_rst([str(place)], str(source), picture.stem.replace("_", " ")))

@@ -20,7 +20,7 @@ from turnbuckle.scenes import REGISTRY
 
 QUICK = "TURNBUCKLE_QUICK" in os.environ  # the tests run this page shorter, and without a film
 
-RELEASE, END = (0.2, 0.4) if QUICK else (1.6, 2.2)  # [s]
+RELEASE, END = (0.1, 0.2) if QUICK else (1.6, 2.2)  # [s]
 scene = REGISTRY["curtain"](release_at=RELEASE)
 scene.apply_set("frames_per_second=25")
 
