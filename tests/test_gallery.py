@@ -7,8 +7,10 @@ import pytest
 
 GALLERY = Path(__file__).parent.parent / "docs" / "gallery"
 PAGES = sorted(GALLERY.rglob("*.py"))
-SLOW: set[str] = set()
-NEEDED: dict[str, str] = {}  # optional packages of pages
+SLOW = {"figure_1_dancer", "figure_6_scaling"}
+NEEDED = dict.fromkeys(
+    ("figure_6_scaling", "figure_7_letters", "section_6_histogram"), "manifold3d"
+)  # optional packages of pages
 
 
 def page(path: Path) -> object:

@@ -33,7 +33,11 @@ def pair(solver: str, scheme: int = 2) -> turnbuckle.Scene:
 # Both schemes of the paper, and the direct solver that is our default.
 
 runs = {}
-for name, solver, scheme in (("scheme one", "displacement", 1), ("scheme two", "displacement", 2), ("direct", "equality", 2)):
+for name, solver, scheme in (
+    ("scheme one", "displacement", 1),
+    ("scheme two", "displacement", 2),
+    ("direct", "equality", 2),
+):
     film = ["pair.png", "pair.mp4"] if name == "direct" and not QUICK else []
     runs[name] = turnbuckle.run_scene(pair(solver, scheme), out=film, picture_size=(800, 400))
 

@@ -68,7 +68,10 @@ for name, (low, high) in (("angle", ANGLE), ("twist", TWIST)):
 # twist here is that of swing and twist: see :doc:`/joints`.
 
 excess = max(
-    ANGLE[0] - min(way["angle"]), max(way["angle"]) - ANGLE[1], TWIST[0] - min(way["twist"]), max(way["twist"]) - TWIST[1]
+    ANGLE[0] - min(way["angle"]),
+    max(way["angle"]) - ANGLE[1],
+    TWIST[0] - min(way["twist"]),
+    max(way["twist"]) - TWIST[1],
 )
 print(f"beyond a limit by {max(excess, 0.0):.1e} rad at most")
 

@@ -46,7 +46,9 @@ print(result.certificate())
 
 print("the paper: iterations in displacements, counts not printed")
 print(f"here: {report.iterations} iterations, then {report.steps} Newton steps, {report.seconds:.3f} s")
-print(f"from {report.start_gap:.2f} m and {report.start_angle:.2f} rad to {report.gap:.1e} m and {report.angle:.1e} rad")
+print(
+    f"from {report.start_gap:.2f} m and {report.start_angle:.2f} rad to {report.gap:.1e} m and {report.angle:.1e} rad"
+)
 
 # %%
 # The number
