@@ -49,9 +49,11 @@ sphinx_gallery_conf = {
 html_theme = "pydata_sphinx_theme"
 html_title = "Turnbuckle"
 html_show_sphinx = False
+html_static_path = ["_static"]
+html_css_files = ["turnbuckle.css"]
 html_theme_options = {
     "navigation_with_keys": False,
     "show_toc_level": 2,
     "navbar_align": "left",
-    "header_links_before_dropdown": 6,
+    "header_links_before_dropdown": 8,
 }

@@ -17,7 +17,7 @@ from turnbuckle.scenes import REGISTRY
 
 QUICK = "TURNBUCKLE_QUICK" in os.environ  # the tests run this page shorter, and without a film
 
-cells, seconds = (6, 0.1) if QUICK else (16, 1.2)
+cells, seconds = (6, 0.1) if QUICK else (16, 1.0)
 scene = REGISTRY["mixed_stack"](storeys=1, cloth_cells=cells)
 scene.apply_set("frames_per_second=25")
 film = [] if QUICK else ["stack.png", "stack.mp4"]

@@ -19,7 +19,7 @@ from turnbuckle.benchmarks.contact_scaling import Series, compare, resolution
 
 QUICK = "TURNBUCKLE_QUICK" in os.environ  # the tests run this page smaller
 
-counts, seconds = ((1, 4), 0.9) if QUICK else ((4, 8, 16, 32), 1.2)
+counts, seconds = ((1, 4), 0.9) if QUICK else ((4, 8, 16), 1.2)
 names = {"newton": "newton (ours)", "ica": "ICA", "anticipation": "full anticipation"}
 left = {name: Series(name) for name in names}
 notes = []

@@ -5,7 +5,7 @@ Figure 7: stacking deformable letters
 Rubber letters, fine triangle meshes in coarse tetrahedra, fall in layers into a box. The pile comes to rest; then the walls push
 in and compress it. Steps are 30 ms.
 
-The paper drops 164 letters and runs for 40 s. This page drops 32, and the walls push in after 2.4 s. The whole takes long::
+The paper drops 164 letters and runs for 40 s. This page drops 27, and the walls push in after 2.1 s. The whole takes long::
 
     turnbuckle run letters --out letters.mp4
 """
@@ -17,8 +17,8 @@ from turnbuckle.scenes import REGISTRY
 
 QUICK = "TURNBUCKLE_QUICK" in os.environ  # the tests run this page smaller, and without a film
 
-count, seconds = (4, 0.6) if QUICK else (32, 4.8)
-scene = REGISTRY["letters"](count=count, press_at=2.4, press_time=2.0)
+count, seconds = (4, 0.6) if QUICK else (27, 4.2)
+scene = REGISTRY["letters"](count=count, across=3, press_at=2.1, press_time=2.0)
 scene.apply_set("frames_per_second=16")
 film = [] if QUICK else ["letters.png", "letters.mp4"]
 result = turnbuckle.run_scene(scene, duration=seconds, out=film, picture_size=(640, 600))

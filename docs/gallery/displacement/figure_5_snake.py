@@ -21,7 +21,7 @@ from turnbuckle.scenes import REGISTRY
 QUICK = "TURNBUCKLE_QUICK" in os.environ  # the tests run this page without flesh and film
 
 SLIDE = 0.55  # [m], from the middle of the rod to a stop
-options = {"flesh": 0.0, "dt": 1 / 480, "duration": 1.8} if QUICK else {"duration": 2.4}
+options = {"flesh": 0.0, "dt": 1 / 480, "duration": 1.8} if QUICK else {"duration": 2.0}
 scene = REGISTRY["snake"](slide=SLIDE, **options)
 scene.apply_set("frames_per_second=25")
 seconds, tail = [], []

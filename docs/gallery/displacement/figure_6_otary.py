@@ -21,7 +21,7 @@ from turnbuckle.scenes import REGISTRY
 
 QUICK = "TURNBUCKLE_QUICK" in os.environ  # the tests run this page without flesh and film
 
-options = {"soft": False, "dt": 1 / 240, "duration": 2.0} if QUICK else {"duration": 4.0}
+options = {"soft": False, "dt": 1 / 240, "duration": 2.0} if QUICK else {"duration": 2.5}
 scene = REGISTRY["otary"](**options)
 scene.apply_set("frames_per_second=25")
 places, tilts = [], []  # of the ball on the tray [m], of the tray [rad]

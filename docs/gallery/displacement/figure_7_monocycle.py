@@ -57,7 +57,7 @@ kinds = Counter(
 )
 kinds["point"] += sum(j.angle is not None and j.angle.max >= np.pi and j.local_pos0 is not None for j in joints)
 
-frames = REGISTRY["monocycle"](dt=1 / 60, duration=0.2 if QUICK else 3.0)
+frames = REGISTRY["monocycle"](dt=1 / 60, duration=0.2 if QUICK else 1.5)
 for option in ("solver=displacement", "displacement.scheme=2", "displacement.tolerance=1e-3"):
     frames.apply_set(option)
 counted = turnbuckle.run_scene(frames).iterations["displacement"]
