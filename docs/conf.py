@@ -14,7 +14,8 @@ copyright = "The Turnbuckle authors, Apache License 2.0"
 version = release = __version__
 
 extensions = [
-    "myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_gallery.gen_gallery", "sphinxcontrib.video",
+    "myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_design", "sphinx_gallery.gen_gallery",
+    "sphinxcontrib.video",
     "definition_table", "benchmark_tables",
 ]  # fmt: skip
 source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
