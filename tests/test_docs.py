@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
+import turnbuckle
 from turnbuckle.cli.app import app
 from turnbuckle.scenes import REGISTRY
 
@@ -159,6 +160,12 @@ def test_every_message_of_a_step_is_explained() -> None:
     told = told_by_steps()
     assert len(told) > 12
     assert [words for words in sorted(told) if words.strip(" :;") not in page] == []
+
+
+def test_every_public_name_is_in_the_reference() -> None:
+    text = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
+    shown = set(re.findall(r"(?:auto\w+::|\{comment-table\}) turnbuckle\.(\w+)$", text, re.MULTILINE))
+    assert shown == set(turnbuckle.__all__)
 
 
 def test_no_page_names_a_place_of_this_machine() -> None:
