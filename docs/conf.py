@@ -50,6 +50,7 @@ sphinx_gallery_conf = {
 html_theme = "pydata_sphinx_theme"
 html_title = "Turnbuckle"
 html_show_sphinx = False
+html_sidebars = {page: [] for page in ("index", "quickstart", "benchmarks", "extending", "api")}  # they have no parts
 html_static_path = ["_static"]
 html_css_files = ["turnbuckle.css"]
 html_theme_options = {
