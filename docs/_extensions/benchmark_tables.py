@@ -1,10 +1,15 @@
-"""Directive that shows what `turnbuckle bench` measured, read from `benchmarks/results/` when the pages are built.
+"""Directives that show what `turnbuckle bench` measured, read from `benchmarks/results/` when the pages are built.
 
     ```{benchmark-table} curtain
     ```
 
 shows the tables of `curtain.json` of every machine that has one, each machine named, with its notes and its plot. With the
 option ``first`` only the first table, without the plot. A benchmark that no machine has measured says so.
+
+    ```{benchmark-peers}
+    ```
+
+gathers each line of another library from all of them: its time over ours, and what it misses by beside what we do.
 """
 
 from __future__ import annotations
@@ -21,6 +26,8 @@ from sphinx.util.docutils import SphinxDirective
 
 from turnbuckle.benchmarks.table import text
 
+# Columns that say what a library misses by, and the unit.
+MISSED = {"gap [m]": "m", "worst gap [m]": "m", "cross": "states that intersect"}
 RESULTS = Path(__file__).parents[2] / "benchmarks" / "results"
 
 
@@ -59,6 +66,41 @@ class BenchmarkTable(SphinxDirective):
         return nodes.image(uri=Path(os.path.relpath(path, page)).as_posix(), alt=path.stem)
 
 
+class BenchmarkPeers(SphinxDirective):
+    """See the head of this file."""
+
+    def run(self) -> list[nodes.Node]:
+        rows = []
+        for path in sorted(RESULTS.glob("*/*.json")):
+            self.env.note_dependency(str(path))
+            for table in json.loads(path.read_text(encoding="utf-8"))["tables"]:
+                rows += [(f"{path.stem} ({path.parent.name})", *row) for row in _peers(table)]
+        if not rows:
+            return [nodes.paragraph(text="No results with other libraries are there yet.")]
+        rows.sort(key=lambda row: row[3])
+        told = [(*row[:3], text(row[3]), "they" if row[3] < 1.0 else "we", *row[4:]) for row in rows]
+        columns = ["benchmark", "library", "case", "time / ours", "faster", "they miss by", "we miss by"]
+        return _table({"title": "Other libraries, the fastest first", "columns": columns, "rows": told, "notes": []})
+
+
+def _peers(table: dict[str, Any]) -> list[tuple]:
+    """Library, case, time over ours, and what both miss by, of each line of a table that is not ours and has a ratio."""
+    columns, rows = table["columns"], table["rows"]
+    if columns[0] != "library" or "/ ours" not in columns:
+        return []
+    ratio = columns.index("/ ours")
+    case = columns.index("boxes") if "boxes" in columns else None
+    missed = next((i for i, name in enumerate(columns) if name in MISSED), None)
+    found = []
+    for row in rows:
+        if row[0] == "turnbuckle" or row[ratio] is None:
+            continue
+        ours = next(o for o in rows if o[0] == "turnbuckle" and (case is None or o[case] == row[case]))
+        told = ["-" if missed is None else f"{text(r[missed])} {MISSED[columns[missed]]}" for r in (row, ours)]
+        found.append((row[0], "" if case is None else f"{text(row[case])} {columns[case]}", float(row[ratio]), *told))
+    return found
+
+
 def _machine(machine: dict[str, Any]) -> str:
     versions = ", ".join(
         f"{key.removeprefix('version ')} {machine[key]}" for key in machine if key.startswith("version ")
@@ -92,4 +134,5 @@ def _row(cells: list[str]) -> nodes.row:
 def setup(app: Sphinx) -> dict[str, Any]:
     """Called by Sphinx."""
     app.add_directive("benchmark-table", BenchmarkTable)
+    app.add_directive("benchmark-peers", BenchmarkPeers)
     return {"parallel_read_safe": True}
