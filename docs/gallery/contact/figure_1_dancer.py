@@ -19,9 +19,9 @@ from turnbuckle.scenes import REGISTRY
 
 QUICK = "TURNBUCKLE_QUICK" in os.environ  # the tests run this page smaller, and without a film
 
-turn = {"settle": 0.1, "turn_at": 0.1, "turn_time": 0.9, "kick_at": 1.1, "kick_time": 0.6}
-size = {"layers": 2, "around": 24, "rows": 6} if QUICK else {"layers": 3, "around": 40, "rows": 10}
-scene = REGISTRY["dancer"](**size, **turn, dt=4e-3 if QUICK else 2e-3, duration=0.16 if QUICK else 1.2)
+turn = {"settle": 0.1, "turn_at": 0.05, "turn_time": 0.8, "kick_at": 1.0, "kick_time": 0.6}
+size = {"layers": 2, "around": 24, "rows": 6} if QUICK else {"layers": 3, "around": 44, "rows": 12}
+scene = REGISTRY["dancer"](**size, **turn, dt=4e-3 if QUICK else 2e-3, duration=0.16 if QUICK else 1.0)
 scene.apply_set("frames_per_second=25")
 film = [] if QUICK else ["dancer.png", "dancer.mp4"]
 result = turnbuckle.run_scene(scene, out=film, picture_size=(640, 640))
