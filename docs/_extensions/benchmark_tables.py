@@ -27,7 +27,7 @@ from sphinx.util.docutils import SphinxDirective
 from turnbuckle.benchmarks.table import text
 
 # Columns that say what a library misses by, and the unit.
-MISSED = {"gap [m]": "m", "worst gap [m]": "m", "cross": "states that intersect"}
+MISSED = {"gap [m]": "m", "worst gap [m]": "m", "cross": "crossing states"}
 RESULTS = Path(__file__).parents[2] / "benchmarks" / "results"
 
 
@@ -78,9 +78,14 @@ class BenchmarkPeers(SphinxDirective):
         if not rows:
             return [nodes.paragraph(text="No results with other libraries are there yet.")]
         rows.sort(key=lambda row: row[3])
-        told = [(*row[:3], text(row[3]), "they" if row[3] < 1.0 else "we", *row[4:]) for row in rows]
+        told = [(*row[:3], text(row[3]), _faster(row[3]), *row[4:]) for row in rows]
         columns = ["benchmark", "library", "case", "time / ours", "faster", "they miss by", "we miss by"]
         return _table({"title": "Other libraries, the fastest first", "columns": columns, "rows": told, "notes": []})
+
+
+def _faster(ratio: float) -> str:
+    """Who is; within a tenth nobody."""
+    return "nobody" if 1.0 / 1.1 < ratio < 1.1 else "they" if ratio < 1.0 else "we"
 
 
 def _peers(table: dict[str, Any]) -> list[tuple]:

@@ -23,7 +23,7 @@ QUICK = "TURNBUCKLE_QUICK" in os.environ  # the tests run this page without fles
 
 options = {"soft": False, "dt": 1 / 240, "duration": 2.0} if QUICK else {"duration": 2.5}
 scene = REGISTRY["otary"](**options)
-scene.apply_set("frames_per_second=25")
+scene.apply_set("frames_per_second=20")
 places, tilts = [], []  # of the ball on the tray [m], of the tray [rad]
 
 

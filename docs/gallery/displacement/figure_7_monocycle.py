@@ -24,7 +24,7 @@ QUICK = "TURNBUCKLE_QUICK" in os.environ  # the tests run this page shorter, and
 
 RADIUS, DURATION = 0.8, 2.0 if QUICK else 8.0
 scene = REGISTRY["monocycle"](radius=RADIUS, duration=DURATION)
-scene.apply_set("frames_per_second=25")
+scene.apply_set("frames_per_second=20")
 slip, way, upright = [0.0], [0.0], []
 
 
