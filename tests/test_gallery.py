@@ -1,5 +1,6 @@
 """Every page of the gallery runs, shorter and without its film; its own asserts hold the number of its figure."""
 
+import re
 import runpy
 from pathlib import Path
 
@@ -35,3 +36,9 @@ def test_page_runs(
 def test_page_asserts_its_number(path: Path) -> None:
     text = path.read_text(encoding="utf-8")
     assert "\n# The number\n" in text and "\nassert " in text.split("\n# The number\n")[1]
+
+
+def test_every_page_is_in_the_list_of_figures() -> None:
+    text = (GALLERY.parent / "papers.md").read_text(encoding="utf-8")
+    listed = set(re.findall(r"\{doc\}`figures/(\w+/\w+)`", text)) - {"local/index"}
+    assert listed == {f"{path.parent.name}/{path.stem}" for path in PAGES}
