@@ -66,4 +66,4 @@ lint: $(VENV)/.stamp-dev
 	@$(BIN)/mypy
 
 clean:
-	@rm -rf $(VENV) out docs/_build .pytest_cache .ruff_cache .mypy_cache
+	@rm -rf $(VENV) out docs/_build docs/figures .pytest_cache .ruff_cache .mypy_cache

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
+import turnbuckle
 from turnbuckle.cli.app import app
 from turnbuckle.scenes import REGISTRY
 
@@ -126,12 +127,45 @@ def test_messages_that_are_explained_exist() -> None:
     """The words between names, numbers and dots of each explained message stand in one text of the source."""
     text = (ROOT / "docs" / "troubleshooting.md").read_text(encoding="utf-8")
     messages = [m for m in re.findall(r"^`(.+)`$", text, re.MULTILINE) if not m.startswith("Warp")]
-    assert len(messages) > 20
+    assert len(messages) > 60
     source = literals()
     for message in messages:
         pieces = SPLIT.split(message)
         longest = max((piece.strip(" :;,()") for piece in pieces), key=len)
-        assert longest in source, f"{message!r}: there is no {longest!r}"
+        assert len(longest) > (4 if message.startswith("broke") else 8) and longest in source, (
+            f"{message!r}: there is no {longest!r}"
+        )
+
+
+def told_by_steps() -> set[str]:
+    """The longest fixed words of each message with which a step says that it is not `ok`."""
+    found = set()
+    for path in sorted((ROOT / "turnbuckle" / "step").glob("*.py")):
+        for call in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if not (isinstance(call, ast.Call) and isinstance(call.func, ast.Attribute) and call.args):
+                continue
+            adds = call.func.attr == "append" and ast.unparse(call.func.value).endswith("messages")
+            if not (adds or call.func.attr == "_failed"):
+                continue
+            text = call.args[0] if adds else call.args[1]
+            if isinstance(text, ast.JoinedStr):
+                found.add(max((p.value for p in text.values if isinstance(p, ast.Constant)), key=len).strip())
+            elif isinstance(text, ast.Constant):
+                found.add(text.value)
+    return found
+
+
+def test_every_message_of_a_step_is_explained() -> None:
+    page = (ROOT / "docs" / "troubleshooting.md").read_text(encoding="utf-8")
+    told = told_by_steps()
+    assert len(told) > 12
+    assert [words for words in sorted(told) if words.strip(" :;") not in page] == []
+
+
+def test_every_public_name_is_in_the_reference() -> None:
+    text = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
+    shown = set(re.findall(r"(?:auto\w+::|\{comment-table\}) turnbuckle\.(\w+)$", text, re.MULTILINE))
+    assert shown == set(turnbuckle.__all__)
 
 
 def test_no_page_names_a_place_of_this_machine() -> None:

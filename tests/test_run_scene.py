@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 from run_scene_example import rope, scene
 
 import turnbuckle
@@ -103,6 +104,22 @@ def test_every_kind_of_output_at_once(tmp_path: Path) -> None:
         assert np.array_equal(first.x(frame), second.x(frame)) and np.array_equal(first.v(frame), second.v(frame))
     assert all(p.stat().st_size > 500 for p in out)
     assert sorted(p.name for p in tmp_path.iterdir()) == sorted(["report.json", *(p.name for p in out)])
+
+
+def test_pictures_have_the_size_asked_for(tmp_path: Path) -> None:
+    scene = turnbuckle.Scene("rope", dt=0.01)
+    scene.add_rope("rope", start=[0, 0, 0], end=[1, 0, 0], segments=2, stretch_stiffness=1, mass=1)
+    turnbuckle.run_scene(scene, duration=0.02, out=[tmp_path / "a.png"], picture_size=(200, 120))
+    with Image.open(tmp_path / "a.png") as picture:
+        assert picture.size == (200, 120)
+
+
+def test_elements_of_both_kinds_of_solids_are_counted() -> None:
+    scene = turnbuckle.Scene("blocks", dt=1e-3)
+    box = {"size": [1, 1, 1], "cells": [1, 1, 1]}
+    scene.add_solid("springy", box=box, density=1, k_distance=1)
+    scene.add_solid("elastic", box=box, density=1, position=[2, 0, 0], youngs_modulus=1e3)
+    assert turnbuckle.run_scene(scene, duration=2e-3).counts["tetrahedra"] == 10
 
 
 def test_zero_duration_records_the_start(tmp_path: Path) -> None:

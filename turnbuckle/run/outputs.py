@@ -93,7 +93,14 @@ def _is_taken(path: Path) -> bool:
 class Outputs:
     """All recordings of a run."""
 
-    def __init__(self, paths: Sequence[Path], model: Model, frames_per_second: float, info: dict[str, Any]) -> None:
+    def __init__(
+        self,
+        paths: Sequence[Path],
+        model: Model,
+        frames_per_second: float,
+        info: dict[str, Any],
+        picture_size: tuple[int, int] = (1280, 720),
+    ) -> None:
         """Open them. Raises InputError; those already open are closed then."""
         self.notes: list[str] = []
         self.paths: list[Path] = []
@@ -105,10 +112,12 @@ class Outputs:
         self.next_frame = np.inf if not paths else -np.inf  # simulated time from which a frame is due [s]
         try:
             for path in paths:
-                start = io.open_recorder if path.suffix.lower() in io.SUFFIXES else viewer.open_picture
-                recorder = start(
-                    path, list(model.shapes), up_axis=model.up_axis, frames_per_second=frames_per_second, info=info
-                )
+                shapes, given = list(model.shapes), {"up_axis": model.up_axis, "frames_per_second": frames_per_second}
+                recorder: _Recorder
+                if path.suffix.lower() in io.SUFFIXES:
+                    recorder = io.open_recorder(path, shapes, info=info, **given)
+                else:
+                    recorder = viewer.open_picture(path, shapes, info=info, size=picture_size, **given)
                 self._recorders.append(recorder)
                 self.paths.append(path)
                 note = getattr(recorder, "note", None)

@@ -43,12 +43,14 @@ def run(
     device: str = "cpu",
     progress: Progress | None = None,
     stop: Stop | None = None,
+    picture_size: tuple[int, int] = (1280, 720),
 ) -> RunResult:
     """Simulate ``scene`` and write what is asked for.
 
     ``duration`` [s] and ``dt`` [s] are the scene's when left out; the last step is shorter where dt does not divide the
     duration. ``out``: recordings, each in the format of its suffix (.npz, .vtkhdf, .usdc, .png, .gif, .mp4), with a frame
-    at the start, then ``frames_per_second`` of the scene, and one at the end. ``report``: the `RunReport` as JSON.
+    at the start, then ``frames_per_second`` of the scene, and one at the end; pictures and films are ``picture_size``
+    (width, height) [pixels]. ``report``: the `RunReport` as JSON.
     ``checkpoint``: the whole state, at the end and after ``every`` steps (half a minute of wall time when left out);
     ``resume``: a checkpoint to go on from, up to ``duration`` in all. The rest of a resumed run has the bits of a run
     that never stopped; its recordings begin where it was resumed, beside older ones, and its report covers the steps
@@ -88,7 +90,7 @@ def run(
     if resume is not None:
         result.resumed = {"file": str(resume), "time": state.time, "steps": state.steps}
         info["resumed"] = result.resumed
-    outputs = Outputs(paths, simulation.model, definition.frames_per_second, info)
+    outputs = Outputs(paths, simulation.model, definition.frames_per_second, info, picture_size)
     result.messages += outputs.notes
     result.outputs = [str(path) for path in outputs.paths]
     begin, began = state.time, time.perf_counter()

@@ -143,7 +143,8 @@ def counts(model: Model, state: State) -> dict[str, int]:
     kinds: dict[str, int] = {}
     for group in state.groups.values():
         kinds[group.kind] = kinds.get(group.kind, 0) + len(group.rows)
-    springs, tetrahedra = len(model.springs.pairs), len(model.tetrahedra.corners)
+    springs = len(model.springs.pairs)
+    tetrahedra = len(model.tetrahedra.corners) + len(model.corotational.corners)
     bodies = {"points": model.points, "springs": springs, "tetrahedra": tetrahedra}
     if model.rigid.count > 1:
         bodies |= {"rigid_bodies": model.rigid.count - 1, "joints": len(state.joints)}

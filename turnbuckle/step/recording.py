@@ -14,6 +14,7 @@ from turnbuckle.compute import Program
 from turnbuckle.constraints import rows as constraint_rows
 from turnbuckle.constraints.activation import has_joint_rows
 from turnbuckle.constraints.points import attach, nail, points_to_point, slide, slide_search, velocity
+from turnbuckle.constraints.points.own import OwnConstraint
 from turnbuckle.data.model import Model
 from turnbuckle.data.state import ADD, D_OVER_C, INVERSE_C, INVERSE_H, MEMORY, PROJECT, H, Kinematics, State
 from turnbuckle.data.tables import JOINT
@@ -41,6 +42,7 @@ class Scratch:
         self.block_power = wp.zeros_like(self.block_energy)
         self.field_power = 0.0  # of force fields at the state last evaluated [W]
         self.implicit = ImplicitSolver(model) if model.integrator in ("implicit_euler", "newmark") else None
+        self.own: list[OwnConstraint] = []  # constraints that the user wrote
         self.surfaces: slide_search.Surfaces | None = None
         self.joint: JointSolver | None = None
         self.row_forces: Callable[[], None] | None = None
@@ -165,6 +167,8 @@ class StepRecorder:
             attach.project(p, t.attach, mass, acceleration, t.attach.force)
         if t.velocity.rows:
             velocity.project(p, t.velocity, self.params, mass, acceleration, t.velocity.force)
+        for own in self.work.own:
+            own.project(p, mass, self.now, acceleration, "acceleration")
         p.barrier()
         if t.slide.rows:
             slide.project(p, t.slide, self.state.nailed, mass, acceleration, t.slide.force)
@@ -188,6 +192,8 @@ class StepRecorder:
             goals = t.velocity
             zero = self.work.zeros_like(goals.goal)
             velocity.project_onto_goal(p, goals, zero, self.work.one, mass, v, unused(goals.force))
+        for own in self.work.own:
+            own.project(p, mass, self.ahead, v, "velocity")
         p.barrier()
         if t.slide.rows:
             slide.project(p, t.slide, self.state.nailed, mass, v, unused(t.slide.force))
@@ -212,6 +218,8 @@ class StepRecorder:
             attach.land(p, t.attach, mass, inverse_mass, self.params, now, on, "attach" in ramped)
         if t.velocity.rows:
             velocity.land(p, t.velocity, mass, self.params, now, on)
+        for own in self.work.own:
+            own.land(p, mass, self.params, now, on)
         p.barrier()
         if t.slide.rows:
             slide_search.find(p, t.slide, self.work.surfaces, on.x)

@@ -8,6 +8,7 @@ import warp as wp
 
 from turnbuckle.compute import Program, host
 from turnbuckle.constraints.activation import break_rows, update_windows
+from turnbuckle.constraints.points.own import OwnConstraint, check_own
 from turnbuckle.data.errors import InputError
 from turnbuckle.data.model import Model
 from turnbuckle.data.report import StepReport, merge_reports
@@ -53,6 +54,15 @@ class Stepper:
         self._ramping = 0  # constraints in gradual activation after the last step
         self.scratch = Scratch(model)
         self.articulated = Articulated(model, state)
+
+    def add(self, constraint: OwnConstraint) -> None:
+        """Let a constraint that you wrote act from the next step (see `turnbuckle.constraints.points.own`).
+
+        It is not part of the state: a resumed run adds it again. Raises `InputError`, and `ConflictError` naming both.
+        """
+        check_own(constraint, self.scratch.own, self.model, self.state)
+        self.scratch.own.append(constraint)
+        self.state.layout += 1  # what is recorded lacks it
 
     def step(self, dt: float) -> StepReport:
         """Advance the state by ``dt`` [s]. When the report says "failed", the state is the last good one.
@@ -278,6 +288,11 @@ class Stepper:
             report.position_residual[kind], report.rate_residual[kind] = position, rate
             if not settling and (position > allowed or rate > allowed_rate) and self.model.response == "exact":
                 report.messages.append(f"{kind} constraints are missed by {position:.2e} m and {rate:.2e} m/s")
+        for own in self.scratch.own:
+            position, rate = own.residual(self._ahead.x.numpy(), self._ahead.v.numpy())
+            report.position_residual[own.name], report.rate_residual[own.name] = position, rate
+            if not settling and (position > allowed or rate > allowed_rate) and self.model.response == "exact":
+                report.messages.append(f"'{own.name}' is missed by {position:.2e} m and {rate:.2e} m/s")
         left = self.scratch.newton_last
         if left > NEWTON_LEFT * self.model.size:
             report.messages.append(f"Newton's method stopped while it still moved points by {left:.1e} m")
