@@ -230,6 +230,10 @@ class ContactDynamics:
         own = 0.5 * (rigid.mass * linear + np.einsum("ij,ij->i", rigid.inertia, spin * spin))
         return points + float(own[self.dynamic].sum())
 
+    def energy(self, v: np.ndarray, x: np.ndarray, bx: np.ndarray, q: np.ndarray) -> float:
+        """Kinetic, elastic (at the last `refresh`) and in the field of gravity [J]."""
+        return self.kinetic(v, q) + self.system.elastic_energy() + self.gravity_energy(x, bx)
+
     def gravity_energy(self, x: np.ndarray, bx: np.ndarray) -> float:
         """Energy in the field of gravity [J]."""
         g = self.state.gravity
