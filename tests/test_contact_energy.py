@@ -78,10 +78,16 @@ def test_what_a_script_gives_is_work(by: str) -> None:
     speed, mass = 0.5, 2.0
     scene = turnbuckle.Scene("paddle", dt=2e-3, gravity=[0.0, 0.0, 0.0], contact={"friction": 0.0})
     if by == "obstacle":
-        way = {"interpolation": "linear", "times": [0.0, 2.0], "positions": [[-0.22, 0.0, 0.0], [-0.22 + 2.0 * speed, 0.0, 0.0]]}
+        way = {
+            "interpolation": "linear",
+            "times": [0.0, 2.0],
+            "positions": [[-0.22, 0.0, 0.0], [-0.22 + 2.0 * speed, 0.0, 0.0]],
+        }
         scene.add_obstacle("paddle", box=[0.1, 0.6, 0.6], trajectory=way)
     else:
-        scene.add_cloth("paddle", size=[0.6, 0.6], cells=[2, 2], position=[-0.16, -0.3, 0.3], rotation=[0, 0.5 * np.pi, 0])
+        scene.add_cloth(
+            "paddle", size=[0.6, 0.6], cells=[2, 2], position=[-0.16, -0.3, 0.3], rotation=[0, 0.5 * np.pi, 0]
+        )
         goal = {"times": [0.0, 2.0], "offsets": [[0.0] * 3, [2.0 * speed, 0.0, 0.0]]}
         scene.add_constraint("nail", "hand", points={"body": "paddle", "all": True}, goal=goal)
     scene.add_rigid("body", box=[0.2] * 3, mass=mass)

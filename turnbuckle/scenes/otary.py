@@ -110,7 +110,12 @@ def _add_part(scene: Scene, name: str, start: np.ndarray, end: np.ndarray, soft:
         angular_damping=1.0,
     )
     if soft:
-        flesh = {"thickness": coat, "density": 100.0, "contact": "off", **_coat(stiffness)}  # it reaches beyond the skin
+        flesh = {
+            "thickness": coat,
+            "density": 100.0,
+            "contact": "off",
+            **_coat(stiffness),
+        }  # it reaches beyond the skin
         scene.add_coating(f"{name}_flesh", around=name, color=FUR, **flesh)
 
 

@@ -91,7 +91,7 @@ class ContactReports:
     def _energies(self, attempt: "Attempt", left: np.ndarray, v: np.ndarray, report: StepReport) -> None:
         """Energies of the state, work, and what was lost.
 
-        Work is that of scripts, nails, loads, and of rows that let apart what is too near. Backward Euler loses energy by
+        Work is that of scripts, nails, loads, and of letting apart what is too near (what that lifts and strains). Backward Euler loses energy by
         itself, too (``|v1 - v0|^2 / 2`` in the metric of masses is the loss of an impact, and of any other change), so under it
         dissipation is what is missing: by damping, friction, impacts and the scheme. Other schemes: damping, and
         what impulses take at the mean of the velocities before and after them.
@@ -107,9 +107,8 @@ class ContactReports:
             contact = -float(attempt.kept_impulse.ravel() @ (problem.j @ (0.5 * (attempt.v0 + v)).ravel()))
             lost = contact + h * dynamics.system.dissipation_power()
         else:
-            push = np.maximum(attempt.kept_impulse[:, 0], 0.0)
-            work += float(push @ np.maximum(problem.floor, 0.0))
-            work += attempt.handed
+            apart = h * (attempt.v - attempt.kept_velocity)
+            work += attempt.handed - dynamics.work_of_forces(apart)
             end = dynamics.energy(v, attempt.x1, attempt.bx1, attempt.q1) + attempt.stepper.joints.elastic_energy()
             lost = work - (end - attempt.energy0)
         state.work += work

@@ -31,6 +31,7 @@ def end_velocities(attempt: "Attempt") -> np.ndarray:
     stepper = attempt.stepper
     assert attempt.solution is not None
     u, attempt.kept_impulse = _without_recovery(attempt)
+    attempt.kept_velocity = u
     ahead = stepper.dynamics_of.end(attempt, u)
     ahead = u if ahead is None else _on_contacts(attempt, ahead)
     return stepper.joints.project(ahead, attempt.bx1, attempt.q1)
