@@ -28,7 +28,7 @@ def too_near(kind: str, scheme: str, dt: float) -> turnbuckle.Simulation:
     return turnbuckle.Simulation(scene)
 
 
-@pytest.mark.parametrize("dt", [0.002, 0.01])
+@pytest.mark.parametrize("dt", [pytest.param(0.002, marks=pytest.mark.slow), 0.01])
 @pytest.mark.parametrize("scheme", ["implicit_euler", "newmark", "velocity_verlet"])
 @pytest.mark.parametrize("kind", ["ball", "stack"])
 def test_what_lies_too_near_is_let_apart_and_does_not_hop(kind: str, scheme: str, dt: float) -> None:
