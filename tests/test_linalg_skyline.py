@@ -64,9 +64,7 @@ def test_parts_are_solved(nailed):
     wanted = np.zeros(3 * n)
     wanted[free] = np.linalg.solve(dense[free][:, free], r.ravel()[free])
     inside = parts.local >= 0
-    np.testing.assert_allclose(
-        z.numpy()[inside], wanted.reshape(-1, 3)[inside], rtol=1e-5, atol=1e-7
-    )  # a preconditioner: single precision
+    np.testing.assert_allclose(z.numpy()[inside], wanted.reshape(-1, 3)[inside], rtol=1e-5, atol=1e-7)  # a preconditioner: single precision
     assert (z.numpy()[~inside] == 0.0).all()
 
 

@@ -190,9 +190,7 @@ class Attempt:
             push = problem.j.T @ np.einsum("mij,mj->mi", self.frame, self.impulse).ravel()
         with stepper.timed("contact_solve"):
             free = replace(self._alone(problem), load=problem.load + push)
-            found = stepper.solver.solve(
-                free, None, self.v.ravel(), ROUGH * self.tolerance, stepper.options.max_iterations
-            )
+            found = stepper.solver.solve(free, None, self.v.ravel(), ROUGH * self.tolerance, stepper.options.max_iterations)
         if not np.isfinite(found.velocity).all():
             return no_contacts()
         s1 = self.moved(found.velocity.reshape(-1, 3))
@@ -208,9 +206,7 @@ class Attempt:
     @staticmethod
     def _alone(problem: ContactProblem) -> ContactProblem:
         """The problem without contacts and equality rows."""
-        return replace(
-            problem, j=_no_rows(len(problem.free)), floor=np.zeros(0), friction=np.zeros(0), e=None, wanted=np.zeros(0)
-        )
+        return replace(problem, j=_no_rows(len(problem.free)), floor=np.zeros(0), friction=np.zeros(0), e=None, wanted=np.zeros(0))
 
     def moved(self, v: np.ndarray) -> np.ndarray:
         """Surface vertices at the end of the step with block velocities v (n, 3), which become those of the attempt."""

@@ -6,8 +6,6 @@ and named when no zone can follow it.
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from turnbuckle.data.contact import Contacts
 
 if TYPE_CHECKING:
