@@ -159,14 +159,13 @@ def _add_drum(scene: Scene) -> None:
 def _add_tray(scene: Scene, radius: float, level: float, rim: bool) -> None:
     """The tray on the nose, kept almost horizontal; with a rim that a ball cannot roll over."""
     top, up = np.array([0.0, 0.5 * TRAY_THICKNESS, 0.0]), [0.0, 1.0, 0.0]
-    lying = [-0.5 * math.pi, 0.0, 0.0]  # z up
-    plate: dict = {"cylinder": {"radius": radius, "length": TRAY_THICKNESS}, "rotation": lying}
+    plate: dict = {"cylinder": {"radius": radius, "length": TRAY_THICKNESS}, "rotation": [0.5 * math.pi, 0.0, 0.0]}
     if rim:
         half = 0.5 * TRAY_THICKNESS
         heights = np.array([-half, half + RIM_HEIGHT, half + RIM_HEIGHT, half])
         radii = np.array([radius, radius, radius - RIM, radius - RIM])
         points, triangles = revolve(radii, heights, (-half, half), 64)
-        plate = {"vertices": points, "triangles": triangles, "rotation": lying}
+        plate = {"vertices": points, "triangles": triangles, "rotation": [-0.5 * math.pi, 0.0, 0.0]}  # z up
     tip = NOSE + [0.05, 0.08, 0.0]
     delta = {"contact_delta": DELTA} if rim else {}
     scene.add_rigid("tray", parts=[plate], mass=0.8, position=tip + top, color=[0.78, 0.62, 0.25], **delta)
