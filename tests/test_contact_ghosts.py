@@ -115,3 +115,16 @@ def test_corners_and_edges_that_meet_are_no_ghosts() -> None:
         assert found.count
         ghost = Ghosts(surfaces).find(found, x0, x1)
         assert not ghost[np.argmin(found.time)], "the first impact of all is at a minimum"
+
+
+def test_a_place_that_several_pairs_share_is_told_once(over_a_floor: tuple[Surfaces, Detector]) -> None:
+    """A tip that falls on an edge inside of the floor meets two faces and that edge by its own three, at one place."""
+    surfaces, detector = over_a_floor
+    x0, x1 = ends(surfaces, [0.0, 0.012, 0.01], [0.0, 0.0, -0.02])  # x = 0 is a line of the grid
+    every = detector.crossed(x0, x1)
+    tip = (every.kind == 0) & (every.a == np.flatnonzero(surfaces.shape == 1)[0])
+    assert tip.sum() >= 2 and every.count > tip.sum()
+    once, _ = detector.without_ghosts(every)
+    places = np.where(np.abs(once.coefficients) > 1e-9, once.vertices, -1)
+    assert len({tuple(sorted(row)) for row in places.tolist()}) == once.count
+    assert once.count < every.count

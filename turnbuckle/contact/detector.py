@@ -10,6 +10,7 @@ from turnbuckle.contact.ccd_pairs import Ccd
 from turnbuckle.contact.ghosts import Ghosts
 from turnbuckle.contact.manifold import first_met, no_contacts
 from turnbuckle.contact.proximity import Proximity
+from turnbuckle.contact.repeats import first_of_each
 from turnbuckle.data.contact import VERTEX_FACE, Contacts, Pairs, Surfaces
 
 REACH = 1.5  # of delta: pairs nearer than this are rows from the start
@@ -83,13 +84,14 @@ class Detector:
         return first_met(found)
 
     def without_ghosts(self, found: Contacts, left: np.ndarray | None = None) -> tuple[Contacts, np.ndarray]:
-        """Of what the last motion crosses, what is no ghost (`ghosts`), and the ghosts that were ever left out.
+        """Of what the last motion crosses, each place once and no ghost (`ghosts`); and the ghosts that were ever left out.
 
         Those in ``left`` are not left out a second time, and nothing is where all are ghosts: so refinement ends.
         """
         left = np.zeros(0, dtype=np.int64) if left is None else left
         if found.count < 2:
             return found, left
+        found = _each_place_once(found)
         s = self.surfaces
         span = max(len(s.faces), len(s.edges), s.vertices)
         key = ((found.kind != VERTEX_FACE) * span + found.a.astype(np.int64)) * span + found.b
@@ -187,6 +189,15 @@ class _Known:
         lost[~face] = of_edges[a[~face]] + of_edges[b[~face]]
         self.gap -= lost
         self.x1, self.moved = x1, self.moved + float(shift.max(initial=0.0))
+
+
+def _each_place_once(found: Contacts) -> Contacts:
+    """Of contacts at one place of an edge or a vertex, which several pairs share, the earliest."""
+    shared = (found.coefficients != 0.0).sum(axis=1) < 4
+    order = np.argsort(found.time, kind="stable")
+    first = np.empty(found.count, dtype=bool)
+    first[order] = first_of_each(found.vertices[order], found.coefficients[order], shared[order])
+    return found if first.all() else found.part(first)
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
