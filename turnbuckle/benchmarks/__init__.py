@@ -19,8 +19,14 @@ def _measure(module: str, console: Any = None, folder: Path | None = None, **opt
 
 NAMES = (
     "curtain", "constraints", "scaling", "chain", "monocycle", "ccd",
-    "falling_cloth", "letters", "dancer", "contact_scaling", "contact_histograms",
+    "local_global", "falling_cloth", "letters", "dancer", "contact_windows", "contact_scaling", "contact_histograms",
 )  # fmt: skip
-LONG = ("letters", "dancer", "contact_scaling", "contact_histograms")  # many minutes: only when named
+LONG = (
+    "letters",
+    "dancer",
+    "contact_windows",
+    "contact_scaling",
+    "contact_histograms",
+)  # many minutes: only when named
 
 REGISTRY: dict[str, Benchmark] = {name: partial(_measure, name) for name in NAMES}

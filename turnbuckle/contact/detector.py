@@ -7,8 +7,10 @@ import numpy as np
 
 from turnbuckle.contact.broad import BroadPhase
 from turnbuckle.contact.ccd_pairs import Ccd
+from turnbuckle.contact.ghosts import Ghosts
 from turnbuckle.contact.manifold import first_met, no_contacts
 from turnbuckle.contact.proximity import Proximity
+from turnbuckle.contact.repeats import first_of_each
 from turnbuckle.data.contact import VERTEX_FACE, Contacts, Pairs, Surfaces
 
 REACH = 1.5  # of delta: pairs nearer than this are rows from the start
@@ -33,6 +35,8 @@ class Detector:
         self._deltas = half, half[surfaces.faces[:, 0]], half[surfaces.edges[:, 0]]
         self._known: _Known | None = None
         self._ahead: tuple[np.ndarray, np.ndarray, Pairs] | None = None  # from, towards, and what was found on the way
+        self._ghosts = Ghosts(surfaces)
+        self._way = np.zeros((0, 3)), np.zeros((0, 3))  # both ends of the last motion that was looked at
         self.smallest_gap = np.inf  # [m] certified by the last call of :meth:`crossed`
         shapes = int(surfaces.shape.max(initial=-1)) + 1
         open_edges = surfaces.edges[(surfaces.edge_faces < 0).any(axis=1), 0]
@@ -79,8 +83,9 @@ class Detector:
 
         A motion that leads through a body meets its front, then its back from inside, and a row for the back would hold
         what crosses inside. And the edges inside of a flat face meet nothing that its vertices, those of the other side
-        and outlines do not. Whatever is left out and still in the way is found in the next round.
+        and outlines do not; no more do ghosts. Whatever is left out and still in the way is found in the next round.
         """
+        found, _ = self.without_ghosts(found)
         face = found.kind == VERTEX_FACE
         normals, vertex_normals = self._outwards(x0)
         outside = np.ones(found.count, dtype=bool)
@@ -102,6 +107,34 @@ class Detector:
                 return first_met(found.part(kept))
         return first_met(found)
 
+    def without_ghosts(self, found: Contacts, left: np.ndarray | None = None) -> tuple[Contacts, np.ndarray]:
+        """Of what the last motion crosses, each place once and no ghost (`ghosts`); and the ghosts that were ever left out.
+
+        Those in ``left`` are not left out a second time, and nothing is where all are ghosts: so refinement ends.
+        """
+        left = np.zeros(0, dtype=np.int64) if left is None else left
+        if found.count < 2:
+            return found, left
+        found = _each_place_once(found)
+        s = self.surfaces
+        span = max(len(s.faces), len(s.edges), s.vertices)
+        key = ((found.kind != VERTEX_FACE) * span + found.a.astype(np.int64)) * span + found.b
+        ghost = self._ghosts.find(found, *self._way) & ~np.isin(key, left)
+        if ghost.all():
+            return found, left
+        return found.part(~ghost), np.concatenate([left, key[ghost]])
+
+    def _nearest_at_start(self, contacts: Contacts, early: np.ndarray) -> np.ndarray:
+        """What is asked of pairs that are too near at the start, least over those that share a vertex with a contact (m,).
+
+        Else what lies at 0.4 delta on one triangle would run into the border of the next, which keeps 0.5 delta.
+        """
+        least = np.full(self.surfaces.vertices, np.inf)
+        used = contacts.coefficients[early] != 0.0
+        given = np.broadcast_to(START * contacts.distance[early, None], used.shape)
+        np.minimum.at(least, contacts.vertices[early][used], given[used])
+        return least[contacts.vertices].min(axis=1, initial=np.inf)
+
     def _outwards(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Unit normals of faces and of vertices (their sums) at ``x``; a row of zeros for face -1."""
         faces = self.surfaces.faces
@@ -117,6 +150,7 @@ class Detector:
         ``slack`` [m]: a later call from the same ``x0`` whose ends are within this of ``x1`` looks again only at pairs
         that the difference may bring too near.
         """
+        self._way = x0, x1
         known = self._known
         shift = known.shift(x0, x1) if known is not None else None
         if known is None or shift is None:
@@ -137,10 +171,13 @@ class Detector:
         known.gap[which] = np.where(walked.hit, 0.0, walked.gap)
         gap = walked.smallest_gap
         early = contacts.time <= 0.0
-        if early.any():  # nearer than that from the start: ask for less
-            nearer = few.part(np.flatnonzero(walked.hit)[early])
-            again, _ = self.ccd.first_impacts(nearer, x0, x1, START * contacts.distance[early])
-            contacts = _joined_in_order(contacts, ~early, again)
+        if early.any():  # nearer than that from the start: ask for less, of what they pass on their way, too
+            hit = np.flatnonzero(walked.hit)
+            less = self._nearest_at_start(contacts, early)
+            ask = np.where(early, START * contacts.distance, np.minimum(keep[hit], less))
+            anew = early | (less < keep[hit])
+            again, _ = self.ccd.first_impacts(few.part(hit[anew]), x0, x1, ask[anew])
+            contacts = _joined_in_order(contacts, ~anew, again)
             gap = self.ccd.walk(few, x0, x1, 0.0).smallest_gap if contacts.count == 0 else gap
         rest = np.delete(known.gap, which) if len(which) < known.pairs.count else np.zeros(0)
         self.smallest_gap = min(gap, float(rest.min(initial=np.inf)))
@@ -176,6 +213,15 @@ class _Known:
         lost[~face] = of_edges[a[~face]] + of_edges[b[~face]]
         self.gap -= lost
         self.x1, self.moved = x1, self.moved + float(shift.max(initial=0.0))
+
+
+def _each_place_once(found: Contacts) -> Contacts:
+    """Of contacts at one place of an edge or a vertex, which several pairs share, the earliest."""
+    shared = (found.coefficients != 0.0).sum(axis=1) < 4
+    order = np.argsort(found.time, kind="stable")
+    first = np.empty(found.count, dtype=bool)
+    first[order] = first_of_each(found.vertices[order], found.coefficients[order], shared[order])
+    return found if first.all() else found.part(first)
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:

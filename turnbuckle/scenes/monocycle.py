@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from turnbuckle.data.errors import InputError
+from turnbuckle.meshes.solids import cylinder_surface
 from turnbuckle.scene.scene import Scene
 
 CONSTRAINTS = Path(__file__).with_name("monocycle_constraints.gascuel")  # Appendix A
@@ -20,6 +21,9 @@ SEAT = 2.0  # height of the body's origin above the middle of the wheel
 SKIN, TROUSERS, SHIRT = [0.87, 0.68, 0.55], [0.20, 0.32, 0.55], [0.75, 0.24, 0.20]
 STEEL, SHOE = [0.35, 0.37, 0.40], [0.25, 0.18, 0.14]
 SIDES = {"left": 1.0, "right": -1.0}
+RIM = 128  # corners of the wheel that rolls by contact: its radius varies by 0.03 %
+BUMP = 1e-3  # [m] of the ground below the wheel at the start, a little more than contact keeps
+ROAD = 100.0  # [m] length of the ground
 
 
 def monocycle(
@@ -27,6 +31,8 @@ def monocycle(
     radius: float = 0.8,
     crank: float = 0.5,
     steadiness: float = 20.0,
+    contact: bool = False,
+    mu: float = 0.8,
     dt: float = 1.0 / 480.0,
     duration: float = 8.0,
 ) -> Scene:
@@ -38,10 +44,14 @@ def monocycle(
     along z on the body's origin. `crank` [rad] is the angle of the wheel at the start. Rolling on a point does not resist
     steering, as the paper's soft wheel does on its floor; the turning of the body is damped by `steadiness` [1/s] instead.
     Shapes and masses are ours: a rider of 48 kg, 3.6 m tall, for Appendix A fixes its legs at 2.4 m.
+    With `contact` the wheel rolls on real ground instead, by contact and friction `mu` 0.8, under backward Euler: nothing
+    joins it to the ground, and no body passes through another (cranks and legs are slimmer for that; those that a joint
+    joins overlap at the joint).
     """
     if not radius > -PEDAL[2] + 0.1:
         raise InputError(f"monocycle: radius = {radius:g} m; the pedals need more than {-PEDAL[2] + 0.1:g}")
-    scene = Scene("monocycle", up_axis="Y", dt=dt, duration=duration)
+    touching = {"contact": {"friction": mu}} if contact else {}
+    scene = Scene("monocycle", up_axis="Y", dt=dt, duration=duration, **touching)
     axle = np.array([0.0, radius, 0.0])
     seat = axle + [0.0, SEAT, 0.0]
     steady = {"angular_damping": steadiness}
@@ -49,18 +59,24 @@ def monocycle(
     turned = [crank, 0.0, 0.0]
     scene.add_rigid(
         "wheel",
-        parts=_wheel(radius),
+        parts=_slim_wheel(radius) if contact else _wheel(radius),
+        contact_delta=BUMP if contact else None,
         mass=4.0,
         position=axle,
         rotation=turned,
         color=STEEL,
     )
     for side, sign in SIDES.items():
-        _add_leg(scene, side, seat + HIP * [sign, 1.0, 1.0], axle + _turn(crank, PEDAL * [sign, 1.0, sign]))
+        pedal = axle + _turn(crank, PEDAL * [sign, 1.0, sign])
+        _add_leg(scene, side, seat + HIP * [sign, 1.0, 1.0], pedal, SLIM_SHIN if contact else SHIN)
     scene.include(CONSTRAINTS)
+    scene.add_force("push", body="body", at=[0.0, 0.0, 0.0], expression=[0.0, 0.0, force])
+    if contact:
+        ground = {"box": [8.0, 0.2, ROAD], "position": [0.0, -0.1 - BUMP, 0.5 * ROAD - 5.0]}
+        scene.add_obstacle("ground", color=[0.55, 0.58, 0.52], contact_delta=BUMP, **ground)
+        return scene
     floor = {"local_pos0": [0.0, 0.0, 0.0], "local_pos1": [0.0, 0.0, 0.0], "normal": [0.0, 1.0, 0.0]}
     scene.add_joint("rolling", "floor", body1="wheel", axis=[1.0, 0.0, 0.0], radius=radius, **floor)
-    scene.add_force("push", body="body", at=[0.0, 0.0, 0.0], expression=[0.0, 0.0, force])
     return scene
 
 
@@ -112,7 +128,32 @@ def _wheel(radius: float) -> list[dict]:
     return parts
 
 
-def _add_leg(scene: Scene, side: str, hip: np.ndarray, pedal: np.ndarray) -> None:
+def _slim_wheel(radius: float) -> list[dict]:
+    """The same with a rounder disc, and with cranks and pedals that no leg passes through."""
+    across = [0.0, 0.5 * math.pi, 0.0]
+    points, triangles = cylinder_surface(radius, 0.12, RIM)
+    parts: list[dict] = [
+        {"vertices": points, "triangles": triangles, "rotation": across},
+        {"cylinder": {"radius": 0.03, "length": 0.5}, "rotation": across},
+    ]
+    for sign in SIDES.values():
+        x, z = sign * PEDAL[0], sign * PEDAL[2]
+        parts.append({"box": [0.04, 0.07, abs(z)], "position": [0.6 * x, 0.0, 0.5 * z], "density": 100.0})
+        pedal = {"cylinder": {"radius": 0.02, "length": 0.24}, "rotation": across, "density": 100.0}
+        parts.append({**pedal, "position": [0.95 * x, 0.0, z]})
+    return parts
+
+
+def _limb(begin: float, end: float, radius: float) -> dict:
+    """A capsule along z from begin to end [m], its caps beyond."""
+    return {"capsule": {"radius": radius, "length": end - begin}, "position": [0.0, 0.0, 0.5 * (begin + end)]}
+
+
+SHIN = [_limb(0.5 * 0.09, LEG - 0.5 * 0.09, 0.09)]
+SLIM_SHIN = [_limb(0.5 * 0.09, LEG - 0.45, 0.09), _limb(LEG - 0.6, LEG - 0.2, 0.05)]  # ends above the pedal
+
+
+def _add_leg(scene: Scene, side: str, hip: np.ndarray, pedal: np.ndarray, shin_parts: list[dict]) -> None:
     """Thigh, leg and level foot between hip and pedal [m], the knee in front: two circles in the plane x = const."""
     ankle = pedal + ANKLE
     down = ankle - hip
@@ -122,12 +163,11 @@ def _add_leg(scene: Scene, side: str, hip: np.ndarray, pedal: np.ndarray) -> Non
     thigh = math.atan2(-down[1], down[2]) - at_hip
     knee = hip + THIGH * np.array([0.0, -math.sin(thigh), math.cos(thigh)])
     shin = math.atan2(-(ankle - knee)[1], (ankle - knee)[2])
-    for name, start, angle, length, thick, mass, color in (
-        ("thigh", hip, thigh, THIGH, 0.12, 4.5, TROUSERS),
-        ("leg", knee, shin, LEG, 0.09, 3.5, TROUSERS),
+    for name, start, angle, parts, mass in (
+        ("thigh", hip, thigh, [_limb(0.5 * 0.12, THIGH - 0.5 * 0.12, 0.12)], 4.5),
+        ("leg", knee, shin, shin_parts, 3.5),
     ):
-        limb = {"capsule": {"radius": thick, "length": length - thick}, "position": [0.0, 0.0, 0.5 * length]}
-        placed = {"position": start, "rotation": [angle, 0.0, 0.0], "color": color}
-        scene.add_rigid(f"{side}-{name}", parts=[limb], mass=mass, **placed)
+        placed = {"position": start, "rotation": [angle, 0.0, 0.0], "color": TROUSERS}
+        scene.add_rigid(f"{side}-{name}", parts=parts, mass=mass, **placed)
     shoe = {"box": [0.16, 0.1, 0.5], "position": [0.0, 0.06, 0.03]}
     scene.add_rigid(f"{side}-foot", parts=[shoe], mass=1.0, position=pedal, color=SHOE, angular_damping=4.0)

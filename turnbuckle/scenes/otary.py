@@ -3,10 +3,11 @@
 import math
 
 import numpy as np
+import trimesh
 from scipy.spatial.transform import Rotation
 
 from turnbuckle.data.errors import InputError
-from turnbuckle.meshes.solids import sphere_surface
+from turnbuckle.meshes.solids import revolve, sphere_surface
 from turnbuckle.scene.scene import Scene
 
 # The animal in the plane z = 0, y up, looking along x [m]: where the middle lines of its parts begin and end.
@@ -24,6 +25,10 @@ RINGS = (
 )  # fmt: skip
 FUR = [0.36, 0.33, 0.31]
 TRAY_THICKNESS = 0.03  # [m]
+RIM, RIM_HEIGHT = 0.015, 0.04  # of the tray that a ball lies in by contact: thickness, height over it [m]
+RUBBER = 1e5  # Young's modulus of a ball that lies by contact [Pa]
+GAP = 1e-3  # between ball and tray at the start [m]
+DELTA = 1e-3  # distance that they keep [m]
 
 
 def otary(
@@ -32,6 +37,8 @@ def otary(
     level: float = 0.06,
     strength: float = 1.0,
     soft: bool = True,
+    contact: bool = False,
+    mu: float = 0.5,
     dt: float = 1.0 / 960.0,
     duration: float = 6.0,
 ) -> Scene:
@@ -43,10 +50,13 @@ def otary(
     and tail are driven by forces and torques, times `strength`. The paper does not say what the otary lies on: here a
     drum, by a ball joint with angle and twist; soft angles stand for the muscles that hold up head and tail. y is up.
     `soft=False` leaves the kernels bare.
+    With `contact` nothing keeps the ball but the tray: it lies and rolls on it by contact and friction `mu` 0.5, and a rim
+    holds it back; rigid bodies that no joint joins keep apart, but for the drum. The scheme is backward Euler then.
     """
     if not 0.0 < ball < tray:
         raise InputError(f"otary: ball = {ball:g} m must be less than tray = {tray:g} m")
-    scene = Scene("otary", up_axis="Y", dt=dt, duration=duration)
+    touching = {"contact": {"friction": mu}} if contact else {}
+    scene = Scene("otary", up_axis="Y", dt=dt, duration=duration, **touching)
     _add_part(scene, "body", RUMP, NECK, soft)
     _add_part(scene, "head", NECK, NOSE, soft)
     _add_part(scene, "tail", RUMP, TAIL_TIP, soft)
@@ -61,8 +71,11 @@ def otary(
     scene.add_joint("cone_twist", "rump", body0="body", body1="tail", anchor=RUMP, axis=along, cone=0.6, **turning)
     _add_muscles(scene)
     _add_drum(scene)
-    _add_tray(scene, tray, level)
-    _add_ball(scene, tray, ball, soft)
+    _add_tray(scene, tray, level, contact)
+    if contact:
+        _add_free_ball(scene, ball, soft)
+    else:
+        _add_ball(scene, tray, ball, soft)
 
     def wave(size: float, rate: float) -> str:
         return f"{size * strength!r} * sin({rate!r} * t)"
@@ -97,7 +110,13 @@ def _add_part(scene: Scene, name: str, start: np.ndarray, end: np.ndarray, soft:
         angular_damping=1.0,
     )
     if soft:
-        scene.add_coating(f"{name}_flesh", around=name, thickness=coat, density=100.0, color=FUR, **_coat(stiffness))
+        flesh = {
+            "thickness": coat,
+            "density": 100.0,
+            "contact": "off",
+            **_coat(stiffness),
+        }  # it reaches beyond the skin
+        scene.add_coating(f"{name}_flesh", around=name, color=FUR, **flesh)
 
 
 def _add_skin(scene: Scene) -> None:
@@ -134,15 +153,22 @@ def _add_drum(scene: Scene) -> None:
     height = float(BELLY[1])
     drum = {"cylinder": {"radius": 0.34, "length": height}, "rotation": [0.5 * math.pi, 0.0, 0.0]}
     drum["position"] = [BELLY[0], 0.5 * height, 0.0]
-    scene.add_rigid("drum", parts=[drum], motion="immobile", color=[0.55, 0.20, 0.25])
+    scene.add_rigid("drum", parts=[drum], motion="immobile", contact="off", color=[0.55, 0.20, 0.25])
 
 
-def _add_tray(scene: Scene, radius: float, level: float) -> None:
-    """The tray on the nose, kept almost horizontal."""
+def _add_tray(scene: Scene, radius: float, level: float, rim: bool) -> None:
+    """The tray on the nose, kept almost horizontal; with a rim that a ball cannot roll over."""
     top, up = np.array([0.0, 0.5 * TRAY_THICKNESS, 0.0]), [0.0, 1.0, 0.0]
-    plate = {"cylinder": {"radius": radius, "length": TRAY_THICKNESS}, "rotation": [0.5 * math.pi, 0.0, 0.0]}
+    plate: dict = {"cylinder": {"radius": radius, "length": TRAY_THICKNESS}, "rotation": [0.5 * math.pi, 0.0, 0.0]}
+    if rim:
+        half = 0.5 * TRAY_THICKNESS
+        heights = np.array([-half, half + RIM_HEIGHT, half + RIM_HEIGHT, half])
+        radii = np.array([radius, radius, radius - RIM, radius - RIM])
+        points, triangles = revolve(radii, heights, (-half, half), 64)
+        plate = {"vertices": points, "triangles": triangles, "rotation": [-0.5 * math.pi, 0.0, 0.0]}  # z up
     tip = NOSE + [0.05, 0.08, 0.0]
-    scene.add_rigid("tray", parts=[plate], mass=0.8, position=tip + top, color=[0.78, 0.62, 0.25])
+    delta = {"contact_delta": DELTA} if rim else {}
+    scene.add_rigid("tray", parts=[plate], mass=0.8, position=tip + top, color=[0.78, 0.62, 0.25], **delta)
     scene.add_joint("ball", "nose", body0="head", body1="tray", anchor=tip)
     scene.add_joint("joint", "tray_level", body1="tray", angle={"axis0": up, "axis1": up, "max": level})
 
@@ -159,6 +185,18 @@ def _add_ball(scene: Scene, tray: float, radius: float, soft: bool) -> None:
     disc = {"normal": [0.0, 1.0, 0.0], "max": tray - 0.5 * radius}
     places = {"local_pos0": above, "local_pos1": [0.0, 0.0, 0.0]}
     scene.add_joint("joint", "on_tray", body0="tray", body1="ball", planar=disc, restitution=0.6, **places)
+
+
+def _add_free_ball(scene: Scene, radius: float, soft: bool) -> None:
+    """A ball that lies on the tray and is joined to nothing; round enough to roll off a slope of 0.02 rad."""
+    tray = next(body for body in scene.definition.bodies if body.name == "tray").position
+    surface = trimesh.creation.icosphere(subdivisions=4, radius=radius)
+    ball = {"vertices": np.array(surface.vertices), "triangles": np.array(surface.faces, dtype=np.int32)}
+    ball |= {"position": tray + [0.0, 0.5 * TRAY_THICKNESS + radius + GAP, 0.0], "mass": 0.3, "contact_delta": DELTA}
+    if soft:
+        scene.add_solid("ball", cage=200, youngs_modulus=RUBBER, damping=0.005, color=[0.80, 0.20, 0.20], **ball)
+    else:
+        scene.add_rigid("ball", color=[0.80, 0.20, 0.20], **ball)
 
 
 def _add_muscles(scene: Scene) -> None:

@@ -230,6 +230,17 @@ class ContactDynamics:
         own = 0.5 * (rigid.mass * linear + np.einsum("ij,ij->i", rigid.inertia, spin * spin))
         return points + float(own[self.dynamic].sum())
 
+    def energy(self, v: np.ndarray, x: np.ndarray, bx: np.ndarray, q: np.ndarray) -> float:
+        """Kinetic, elastic (at the last `refresh`) and in the field of gravity [J]."""
+        return self.kinetic(v, q) + self.system.elastic_energy() + self.gravity_energy(x, bx)
+
+    def work_of_forces(self, moved: np.ndarray) -> float:
+        """What weights and the forces of elements at the last `refresh` do when blocks move by ``moved`` (n, 3) [m] [J]."""
+        p = self.points
+        weight = self.model.rigid.mass[self.dynamic] @ (moved[p::2][self.dynamic] @ self.state.gravity)
+        own = ~self.never[:p]
+        return float(np.sum(self.system.force[:p][own] * moved[:p][own])) + float(weight)
+
     def gravity_energy(self, x: np.ndarray, bx: np.ndarray) -> float:
         """Energy in the field of gravity [J]."""
         g = self.state.gravity

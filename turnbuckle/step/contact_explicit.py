@@ -54,6 +54,7 @@ class Explicit(ContactScheme):
         stepper, h = self.stepper, attempt.h
         state, dynamics = stepper.state, stepper.dynamics
         self._start, self.dissipation = Snapshot(state), state.dissipation
+        attempt.energy0 = None
         self._lead_scripts(attempt)
         self.report = self.free.step(h)
         if self.report.status == "failed":
@@ -89,8 +90,8 @@ class Explicit(ContactScheme):
     def take_back(self, attempt: "Attempt") -> None:
         self._start.restore(self.stepper.state)
 
-    def end(self, attempt: "Attempt") -> np.ndarray:
-        v = self.star + attempt.v - attempt.base
+    def end(self, attempt: "Attempt", u: np.ndarray) -> np.ndarray:
+        v = self.star + u - attempt.base
         scripted = np.flatnonzero(~np.isnan(attempt.prescribed.scripted[:, 0]))
         v[scripted] = attempt.prescribed.velocity[scripted]
         return v
@@ -104,7 +105,7 @@ class Explicit(ContactScheme):
         if solution.impulse.any() or solution.equality.any() or waits:
             return False
         touching = attempt.touching()
-        ahead = attempt.problem.j @ self.end(attempt).ravel()
+        ahead = attempt.problem.j @ self.end(attempt, attempt.v).ravel()
         return not (ahead[::3][touching] < -attempt.tolerance).any()
 
     def leave(self, attempt: "Attempt") -> StepReport:

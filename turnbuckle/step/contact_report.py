@@ -89,18 +89,30 @@ class ContactReports:
             )
 
     def _energies(self, attempt: "Attempt", left: np.ndarray, v: np.ndarray, report: StepReport) -> None:
-        """Energies of the state; work of scripts, nails and loads; what damping, friction and impacts took."""
+        """Energies of the state, work, and what was lost.
+
+        Work is that of scripts, nails, loads, and of letting apart what is too near (what that lifts and strains). Backward Euler loses energy by
+        itself, too (``|v1 - v0|^2 / 2`` in the metric of masses is the loss of an impact, and of any other change), so under it
+        dissipation is what is missing: by damping, friction, impacts and the scheme. Other schemes: damping, and
+        what impulses take at the mean of the velocities before and after them.
+        """
         state, dynamics, h = self.state, attempt.stepper.dynamics, attempt.h
-        u = attempt.problem.j @ attempt.v.ravel()
-        fixed = attempt.prescribed.fixed
-        contact = -float(attempt.solution.impulse.ravel() @ u)  # type: ignore[union-attr]
-        script = -float(np.sum(self.pushed[fixed] * attempt.v[fixed]))
+        problem, fixed = attempt.problem, attempt.prescribed.fixed
+        work = -float(np.sum(self.pushed[fixed] * attempt.v[fixed]))
         nailed = fixed & ~dynamics.never
-        script += float(np.sum((left + self.pushed)[nailed] * attempt.v[nailed]))
-        script += float(np.sum(attempt.given * attempt.v))
+        work += float(np.sum((left + self.pushed)[nailed] * attempt.v[nailed]))
+        work += float(np.sum(attempt.given * attempt.v))
         dynamics.refresh(h)
-        state.work += script
-        state.dissipation += contact + h * dynamics.system.dissipation_power()
+        if attempt.energy0 is None:
+            contact = -float(attempt.kept_impulse.ravel() @ (problem.j @ (0.5 * (attempt.v0 + v)).ravel()))
+            lost = contact + h * dynamics.system.dissipation_power()
+        else:
+            apart = h * (attempt.v - attempt.kept_velocity)
+            work += attempt.handed - dynamics.work_of_forces(apart)
+            end = dynamics.energy(v, attempt.x1, attempt.bx1, attempt.q1) + attempt.stepper.joints.elastic_energy()
+            lost = work - (end - attempt.energy0)
+        state.work += work
+        state.dissipation += lost
         report.energies = {
             "kinetic": dynamics.kinetic(v, attempt.q1),
             "elastic": dynamics.system.elastic_energy(),

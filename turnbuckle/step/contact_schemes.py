@@ -53,8 +53,8 @@ class ContactScheme(ABC):
     def take_back(self, attempt: "Attempt") -> None:  # noqa: B027
         """Undo what `begin` did to the state."""
 
-    def end(self, attempt: "Attempt") -> np.ndarray | None:
-        """Velocities (n, 3) at the end without what touches being asked; None where u is the velocity at the end."""
+    def end(self, attempt: "Attempt", u: np.ndarray) -> np.ndarray | None:
+        """Velocities (n, 3) at the end without what touches being asked; None where ``u`` (n, 3) is the velocity at the end."""
         return None
 
 
@@ -70,6 +70,7 @@ class BackwardEuler(ContactScheme):
     def begin(self, attempt: "Attempt") -> bool:
         dynamics, h = self.stepper.dynamics, attempt.h
         attempt.a = dynamics.refresh(h)
+        attempt.energy0, attempt.handed = self._energy(attempt)
         load = dynamics.system.right_side(h).reshape(-1, 3)
         attempt.given = h * dynamics.pushes(attempt.x0, attempt.v0, dynamics.bx0, dynamics.q0, attempt.time0)
         if dynamics.dynamic.any():
@@ -77,6 +78,15 @@ class BackwardEuler(ContactScheme):
         self._finish(attempt, load + attempt.given)
         self.first = _own_blocks(attempt.a, dynamics.points), attempt.base.copy(), attempt.load.copy()
         return True
+
+    def _energy(self, attempt: "Attempt") -> tuple[float, float]:
+        """Energy at the start [J], and what prescribed points are given at once: their speed changes from step to step."""
+        dynamics = self.stepper.dynamics
+        v = dynamics.velocities()
+        start = dynamics.energy(v, attempt.x0, dynamics.bx0, dynamics.q0) + self.stepper.joints.elastic_energy()
+        p = dynamics.points
+        mass = np.maximum(self.stepper.model.mass, 0.0)
+        return start, float(mass @ np.einsum("ij,ij->i", attempt.v0[:p] - v[:p], attempt.v0[:p]))
 
     def _finish(self, attempt: "Attempt", load: np.ndarray) -> None:
         load[self.stepper.dynamics.never] = 0.0
@@ -108,6 +118,7 @@ class Newmark(ContactScheme):
 
     def begin(self, attempt: "Attempt") -> bool:
         dynamics, h, p = self.stepper.dynamics, attempt.h, self.stepper.dynamics.points
+        attempt.energy0 = None
         attempt.a = dynamics.refresh(h)
         force = dynamics.system.force.copy()
         self.pushes = dynamics.pushes(attempt.x0, attempt.v0, dynamics.bx0, dynamics.q0, attempt.time0)
@@ -146,7 +157,7 @@ class Newmark(ContactScheme):
         attempt.load, attempt.base = load, u.copy()
         return True
 
-    def end(self, attempt: "Attempt") -> np.ndarray:
+    def end(self, attempt: "Attempt", u: np.ndarray) -> np.ndarray:
         """``v* + (u - u*)``; v* of a turning body from its angular momentum, so that the order stays 2."""
         dynamics, p = self.stepper.dynamics, self.stepper.dynamics.points
         moves = dynamics.dynamic
@@ -156,7 +167,7 @@ class Newmark(ContactScheme):
             w0, w = attempt.v0[p + 1 :: 2][moves], self.free[p + 1 :: 2][moves]
             momentum = np.einsum("bij,bj->bi", before, 2.0 * w - w0) - 2.0 * self.turned[moves]
             star[p + 1 + 2 * np.flatnonzero(moves)] = np.linalg.solve(after, momentum[:, :, None])[:, :, 0]
-        v = star + attempt.v - self.free
+        v = star + u - self.free
         fixed = attempt.prescribed.fixed
         v[fixed] = attempt.prescribed.velocity[fixed]
         if attempt.nails is not None:

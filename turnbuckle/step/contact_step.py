@@ -37,6 +37,7 @@ from turnbuckle.step.contact_joints import ContactJoints
 from turnbuckle.step.contact_limits import ALLOWED
 from turnbuckle.step.contact_opening import PATIENCE, Opening
 from turnbuckle.step.contact_pressed import pressed_contacts
+from turnbuckle.step.contact_pushable import Pushable
 from turnbuckle.step.contact_report import ContactReports
 from turnbuckle.step.contact_rows import Memory, PointMap
 from turnbuckle.step.contact_schemes import BackwardEuler, ContactScheme, Newmark
@@ -131,14 +132,15 @@ class ContactStepper:
         attempt = Attempt(self, h)
         if not attempt.began:
             return self._halved(attempt, h, depth)
+        pushable = Pushable(attempt)
         with self.timed("detection"):
-            contacts = attempt.near() if self.options.proximity else no_contacts()
-        contacts = joined(contacts, attempt.expected(contacts))
-        refined = self._refined(contacts, attempt)
+            contacts = pushable.of(attempt.near()) if self.options.proximity else no_contacts()
+        contacts = joined(contacts, pushable.of(attempt.expected(contacts)))
+        refined = self._refined(contacts, attempt, pushable)
         for _ in range(self.dynamics_of.iterations - 1):
             if not refined.clear or not attempt.again():
                 break
-            refined = self._refined(refined.contacts, attempt)
+            refined = self._refined(refined.contacts, attempt, pushable)
         if self._may_wait() and refined.solved:
             pressed = pressed_contacts(attempt)
             if pressed.count:
@@ -149,11 +151,20 @@ class ContactStepper:
             return self._last_resort(attempt, refined)
         return self._halved(attempt, h, depth)
 
-    def _refined(self, contacts: Contacts, attempt: Attempt) -> Refined:
+    def _refined(self, contacts: Contacts, attempt: Attempt, pushable: Pushable) -> Refined:
         """Refinement of an attempt; the first rows for crossings are those that say most."""
-        looks = iter((lambda found: self.detector.chosen(found, attempt.s0),))
-        return refine(contacts, attempt.solve, attempt.crossed, self.options.rounds,
-                      lambda found: next(looks, first_met)(found))  # fmt: skip
+        left: np.ndarray | None = None
+        looked = False
+
+        def choose(found: Contacts) -> Contacts:
+            nonlocal left, looked
+            first, looked = not looked, True
+            if first:
+                return pushable.of(self.detector.chosen(found, attempt.s0))
+            found, left = self.detector.without_ghosts(found, left)
+            return pushable.of(first_met(found))
+
+        return refine(contacts, attempt.solve, attempt.crossed, self.options.rounds, choose)
 
     def _halved(self, attempt: Attempt, h: float, depth: int) -> StepReport:
         """Two halves instead of an attempt."""

@@ -3,8 +3,12 @@
 Where the mean velocity u of a step is not the velocity at its end, a body that rests would show one: ``v* + (u - u*)`` of
 Newmark alternates. So contacts that push in the step, or end it at their distance, keep what touches from approaching at its end, too, with friction of
 their own (Moreau's impacts, without restitution), and equality rows hold at the level of velocities.
+
+Rows that let apart what is too near move it, but must not throw it (split impulses, the pseudo-velocities of rigid body
+engines): the same problem, with no row that asks for more than not to approach, gives u for the velocity.
 """
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,11 +29,33 @@ if TYPE_CHECKING:
 def end_velocities(attempt: "Attempt") -> np.ndarray:
     """Velocities of all blocks (n, 3) at the end of the step."""
     stepper = attempt.stepper
-    ahead = stepper.dynamics_of.end(attempt)
-    if ahead is None:
-        return stepper.joints.project(attempt.v, attempt.bx1, attempt.q1)
-    ahead = _on_contacts(attempt, ahead)
+    assert attempt.solution is not None
+    u, attempt.kept_impulse = _without_recovery(attempt)
+    attempt.kept_velocity = u
+    ahead = stepper.dynamics_of.end(attempt, u)
+    ahead = u if ahead is None else _on_contacts(attempt, ahead)
     return stepper.joints.project(ahead, attempt.bx1, attempt.q1)
+
+
+def _without_recovery(attempt: "Attempt") -> tuple[np.ndarray, np.ndarray]:
+    """Velocities (n, 3) of the step less what only lets bodies apart, and impulses; the solution where that is nothing.
+
+    What counts is the speed that rows ask for, in the mean over impulses: less than the tolerance is lost in it.
+    """
+    stepper, problem, solution = attempt.stepper, attempt.problem, attempt.solution
+    assert solution is not None
+    push = np.maximum(solution.impulse[:, 0], 0.0)
+    asked = np.maximum(problem.floor, 0.0)
+    if not push @ asked > attempt.tolerance * push.sum():
+        return attempt.v, solution.impulse
+    lowered = replace(problem, floor=np.minimum(problem.floor, 0.0))
+    with stepper.timed("contact_solve"):
+        found = stepper.solver.solve(
+            lowered, solution.impulse, attempt.v.ravel(), attempt.tolerance, stepper.options.max_iterations
+        )
+    if not (found.converged and np.isfinite(found.velocity).all()):
+        return attempt.v, solution.impulse
+    return found.velocity.reshape(-1, 3), found.impulse
 
 
 def _on_contacts(attempt: "Attempt", ahead: np.ndarray) -> np.ndarray:
@@ -52,7 +78,11 @@ def _on_contacts(attempt: "Attempt", ahead: np.ndarray) -> np.ndarray:
     )  # fmt: skip
     with stepper.timed("contact_solve"):
         found = stepper.solver.solve(problem, None, None, attempt.tolerance, stepper.options.max_iterations)
-    return found.velocity.reshape(-1, 3) if np.isfinite(found.velocity).all() else ahead
+    if not np.isfinite(found.velocity).all():
+        return ahead
+    attempt.kept_impulse = attempt.kept_impulse.copy()
+    attempt.kept_impulse[touching] += found.impulse
+    return found.velocity.reshape(-1, 3)
 
 
 def _blocks(j: sp.bsr_array, rows: np.ndarray) -> sp.bsr_array:

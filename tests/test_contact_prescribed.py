@@ -1,0 +1,48 @@
+"""Contacts between nails and what is scripted: nothing can push there, and nothing needs to."""
+
+import numpy as np
+import pytest
+from contact_measures import step_well
+
+import turnbuckle
+from turnbuckle.step.simulation import Simulation
+
+
+def skirt_on_a_post(down: float) -> Simulation:
+    """A cloth nailed at one edge so near to a post that both are within contact's reach; the nails move by `down` [m]."""
+    scene = turnbuckle.Scene("held", dt=4e-3, contact={"friction": 0.3, "delta": 4e-3})
+    scene.add_obstacle("post", box=[0.1, 0.6, 0.1], position=[-0.053, 0.0, 0.0])
+    turned = {"position": [0.0, -0.2, -0.2], "rotation": [0.0, -0.5 * np.pi, 0.0]}  # in the plane x = 0, 3 mm off
+    scene.add_cloth("cloth", size=[0.2, 0.4], cells=[4, 8], density=0.3, **turned)
+    goal = {"times": [0.0, 0.2], "offsets": [[0.0] * 3, [0.0, 0.0, -down]], "interpolation": "linear"}
+    scene.add_constraint("nail", "edge", points={"body": "cloth", "side": "+z", "thickness": 0.005}, goal=goal)
+    return Simulation(scene)
+
+
+@pytest.mark.parametrize("down", [0.0, 0.05])
+def test_nails_near_an_obstacle(down: float) -> None:
+    sim = skirt_on_a_post(down)
+    start = sim.positions("cloth").copy()
+    for report in step_well(sim, 50):
+        assert report.status == "ok", report.messages
+        assert np.isfinite(list(report.contact_residual.values())).all()
+    held = start[:, 2] > -0.001
+    assert held.sum() == 9
+    np.testing.assert_allclose(sim.positions("cloth")[held], start[held] - [0.0, 0.0, down], atol=1e-12)
+    assert sim.positions("cloth")[:, 0].min() > -0.003
+
+
+def test_nails_that_are_driven_into_an_obstacle_are_named() -> None:
+    scene = turnbuckle.Scene("driven", dt=4e-3, contact=True)
+    scene.add_obstacle("floor", plane=[1.0, 1.0])
+    scene.add_cloth("cloth", size=[0.2, 0.2], cells=[4, 4], position=[-0.1, -0.1, 0.02])
+    goal = {"times": [0.0, 0.1], "offsets": [[0.0] * 3, [0.0, 0.0, -0.1]]}
+    scene.add_constraint("nail", "all", points={"body": "cloth", "all": True}, goal=goal)
+    sim = Simulation(scene)
+    for _ in range(25):
+        report = sim.step()
+        if report.status == "failed":
+            break
+    assert report.status == "failed"
+    assert "'floor'" in report.messages[0] and "'cloth'" in report.messages[0]
+    assert sim.positions("cloth")[:, 2].min() > 0.0
