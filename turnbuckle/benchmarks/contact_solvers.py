@@ -50,6 +50,7 @@ class PaperSolver:
         velocity: np.ndarray | None,
         tolerance: float,
         max_iterations: int,
+        same: bool = False,
     ) -> ContactSolution:
         """As `NewtonSolver.solve`."""
         before, load = self._asked  # a later round of the same step asks with the same; v is that of the round before

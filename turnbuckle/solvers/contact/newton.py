@@ -79,6 +79,7 @@ class NewtonSolver:
         self.rows: EqualityRows | None = None
         self.factors: SkylineFactors | None = None
         self._parts_of: tuple = ()
+        self._unsplit = False  # what is factored is not the K of splitting any more
 
     def solve(
         self,
@@ -87,24 +88,17 @@ class NewtonSolver:
         velocity: np.ndarray | None = None,
         tolerance: float = 1e-8,
         max_iterations: int = 200,
+        same: bool = False,
     ) -> ContactSolution:
         """Velocities and impulses; ``start`` (m, 3) and ``velocity`` (3 n,) are guesses. Tolerance in m/s.
 
         A guess within the tolerance is improved once all the same: what rests comes to rest over the steps.
+        ``same``: the problem is that of the last call, for another tolerance; what was made for it is kept.
         """
         n, m = len(problem.free) // 3, problem.count
         b = self.buffers
-        self.rows = None
-        tiles = TILES if max(n, m) > SMALL else 1
-        b.take(problem, tiles)
-        if problem.e is not None and problem.e.shape[0]:
-            self.rows = EqualityRows(problem, b)
-        self._find_parts(problem)
-        b.put("apart", self.apart, wp.uint8)
-        b.put("mass", splitting.masses(problem.a, self.drift.label, self.drift.count), wp.float64)
-        moving = np.ones(n, dtype=bool) if problem.fixed is None else ~problem.fixed
-        self._small = bool((self.apart.astype(bool) | self._single | ~moving).all())
-        self._record(tiles, 1 if self.threads is None and max(n, m) < PARALLEL else self.threads)
+        if not same:
+            self._take(problem)
         guess = np.array(problem.free if velocity is None else velocity, dtype=float).reshape(-1, 3)
         if problem.fixed is not None:
             guess[problem.fixed] = problem.free.reshape(-1, 3)[problem.fixed]
@@ -113,10 +107,10 @@ class NewtonSolver:
         b.write("scale", np.array([SCALE[self.factors is not None]]))
         b.write("goal", np.array([tolerance]))
         b.write("missed", np.full(m, np.inf))
-        self._run("begin")
+        self._run("begin")  # penalties of a last call may have grown
         if self.rows is not None:
             self.rows.meet()
-        split = self._split(m, tolerance)
+        split = self._split(m, tolerance, same)
         self._run("first_shift")
         newton = updates = cg = 0
         converged, message = False, ""
@@ -136,6 +130,7 @@ class NewtonSolver:
                 self._run("blocks")
             if self.factors is not None and newton % again == 0:
                 self._run("factor")
+            self._unsplit = True  # factors are those of Newton's method now
             tries, errors = self._newton_step()
             cg += tries
             newton += 1
@@ -151,6 +146,21 @@ class NewtonSolver:
 
     # ------------------------------------------------------------------------------------------------------------------
 
+    def _take(self, problem: ContactProblem) -> None:
+        """Make all that a problem needs but guesses."""
+        n, m, b = len(problem.free) // 3, problem.count, self.buffers
+        self.rows = None
+        tiles = TILES if max(n, m) > SMALL else 1
+        b.take(problem, tiles)
+        if problem.e is not None and problem.e.shape[0]:
+            self.rows = EqualityRows(problem, b)
+        self._find_parts(problem)
+        b.put("apart", self.apart, wp.uint8)
+        b.put("mass", splitting.masses(problem.a, self.drift.label, self.drift.count), wp.float64)
+        moving = np.ones(n, dtype=bool) if problem.fixed is None else ~problem.fixed
+        self._small = bool((self.apart.astype(bool) | self._single | ~moving).all())
+        self._record(tiles, 1 if self.threads is None and max(n, m) < PARALLEL else self.threads)
+
     def _evaluate(self) -> Errors:
         self._run("evaluate")
         values = host(self.buffers.scalars)
@@ -161,7 +171,7 @@ class NewtonSolver:
         gradient = max(gradient, self.drift.largest(self.buffers.read("g", self._blocks)))
         return Errors(gradient, float(values[kernels.PRIMAL]), float(values[kernels.SHIFT]))
 
-    def _split(self, m: int, tolerance: float) -> int:
+    def _split(self, m: int, tolerance: float, same: bool) -> int:
         """Bring velocities and multipliers near the solution by operator splitting; iterations of it."""
         if m == 0 or self.rows is not None or not self._small:
             return 0
@@ -169,8 +179,11 @@ class NewtonSolver:
         b.write("r", b.read("multiplier", m))
         self._run("first_shift")  # u
         b.write("copy", b.read("u", m))
-        self._run("weights")
-        self._run("split")
+        if not same:  # weights that have grown stay
+            self._run("weights")
+        if not same or self._unsplit:
+            self._run("split")
+        self._unsplit = False
         batches = 0
         while batches < splitting.LIMIT:
             self._run("iterations")
@@ -181,8 +194,10 @@ class NewtonSolver:
                 break
             b.write("r", b.read("multiplier", m))
             self._run("stiffen")
-            if batches < splitting.LIMIT and host(b.sums).any():
+            self._unsplit = bool(host(b.sums).any())
+            if batches < splitting.LIMIT and self._unsplit:
                 self._run("split")
+                self._unsplit = False
         b.write("missed", np.full(m, np.inf))
         return batches * splitting.BATCH
 
