@@ -10,6 +10,7 @@ import rich
 
 from turnbuckle.data.errors import InputError, TurnbuckleError
 from turnbuckle.live.gate import Gate, is_loopback, new_token, refusal
+from turnbuckle.live.served_page import with_script
 
 PORT = 8080
 TRIES = 100  # ports tried from `PORT` on where none was asked for
@@ -106,6 +107,7 @@ def _guarded(gate: Gate) -> Iterator[list[bool]]:
             response = process_request(connection, request) if process_request is not None else None
             cookie = gate.greeting(request.path)
             if response is not None:
+                _add_script(response)
                 response.headers["Content-Security-Policy"] = FRAMES
                 response.headers["Referrer-Policy"] = "no-referrer"
                 if cookie is not None:
@@ -120,6 +122,15 @@ def _guarded(gate: Gate) -> Iterator[list[bool]]:
         yield used
     finally:
         websocket_server.serve = start
+
+
+def _add_script(response: Any) -> None:
+    """To an answer that is the page (and to no other) our script."""
+    if not response.headers.get("Content-Type", "").startswith("text/html"):
+        return
+    response.body = with_script(response.body, response.headers.get("Content-Encoding") == "gzip")
+    del response.headers["Content-Length"]
+    response.headers["Content-Length"] = str(len(response.body))
 
 
 @contextlib.contextmanager

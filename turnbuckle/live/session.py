@@ -22,6 +22,7 @@ from turnbuckle.live.frame import Arrows, Frame, Marks, Pull, Reading, no_arrows
 from turnbuckle.live.hand import Hand
 from turnbuckle.live.history import History
 from turnbuckle.live.picking import Pick
+from turnbuckle.live.priority import give_way
 from turnbuckle.live.readings import read_constraints, read_contacts, read_marks
 from turnbuckle.scene.scene import Scene
 from turnbuckle.step.simulation import Simulation
@@ -186,6 +187,7 @@ class Session:
     # In the thread ---------------------------------------------------------------------------------------------------
 
     def _live(self) -> None:
+        give_way()
         while not self._ended.is_set():
             wait = 0.0
             if not self.running:
