@@ -19,7 +19,7 @@ def _measure(module: str, console: Any = None, folder: Path | None = None, **opt
 
 NAMES = (
     "curtain", "constraints", "scaling", "chain", "monocycle", "ccd",
-    "local_global", "falling_cloth", "letters", "dancer", "contact_windows", "contact_scaling", "contact_histograms",
+    "view", "local_global", "falling_cloth", "letters", "dancer", "contact_windows", "contact_scaling", "contact_histograms",
 )  # fmt: skip
 LONG = (
     "letters",

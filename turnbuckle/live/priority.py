@@ -4,7 +4,7 @@ import os
 import sys
 import threading
 
-NICE = 10  # of the threads that simulate; 0 is usual, 19 the most patient
+NICE = 5  # of the threads that simulate; 0 is usual, 19 the most patient
 WORKER = "turnbuckle"  # name of the threads that help with a step (`turnbuckle.compute.program`)
 
 
