@@ -56,7 +56,7 @@ class Page:
         with tabs.add_tab("Run", icon="player-play"):
             self.panels["run"] = RunPanel(server.gui, session, self.stage)
         with tabs.add_tab("Constraints", icon="link"):
-            self.panels["constraints"] = ConstraintPanel(server.gui, session)
+            self.panels["constraints"] = ConstraintPanel(server.gui, session, self.stage)
         with tabs.add_tab("Physics", icon="adjustments"):
             self.panels["physics"] = PhysicsPanel(server.gui, session)
         with tabs.add_tab("Plots", icon="chart-line"):

@@ -29,6 +29,31 @@ def residual_colors(readings: Sequence[Reading], size: float) -> np.ndarray:
     return np.array([residual_color(r, size) for r in readings], dtype=np.uint8).reshape(-1, 3)
 
 
+_FAINT, _STRONG = np.array((214, 226, 240.0)), np.array((94, 24, 148.0))
+FORCES = 3.0  # powers of ten from the faintest colour of a force to the strongest
+
+
+def force_color(reading: Reading, largest: float) -> tuple[int, int, int]:
+    """From pale blue to violet: the force over the ``largest`` one that acts [N], a thousandth and less is pale."""
+    if not reading.acting or reading.broken:
+        return OFF
+    part = reading.force / largest if largest > 0.0 and np.isfinite(reading.force) else 0.0
+    level = 1.0 + np.log10(max(part, 1e-300)) / FORCES
+    rgb = _FAINT + min(max(level, 0.0), 1.0) * (_STRONG - _FAINT)
+    return round(rgb[0]), round(rgb[1]), round(rgb[2])
+
+
+def largest_force(readings: Sequence[Reading]) -> float:
+    """Of all constraints that act [N]."""
+    return max((r.force for r in readings if r.acting and np.isfinite(r.force)), default=0.0)
+
+
+def force_colors(readings: Sequence[Reading]) -> np.ndarray:
+    """Of each reading (n, 3) uint8."""
+    largest = largest_force(readings)
+    return np.array([force_color(r, largest) for r in readings], dtype=np.uint8).reshape(-1, 3)
+
+
 def css(color: tuple[int, int, int]) -> str:
     """As text of a style sheet."""
     return f"rgb({color[0]},{color[1]},{color[2]})"

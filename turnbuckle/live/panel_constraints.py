@@ -5,18 +5,23 @@ from concurrent.futures import Future
 from typing import Any
 
 from turnbuckle.live.frame import Frame, Reading
-from turnbuckle.live.paint import css, number, residual_color
+from turnbuckle.live.paint import css, force_color, largest_force, number, residual_color
 from turnbuckle.live.session import Session
+from turnbuckle.live.stage import Stage
 
 ROWS = 12  # shown at once
+BY_RESIDUAL, BY_FORCE = "by residual", "by force"
 
 
 class ConstraintPanel:
     """Pages of rows, filtered by a text."""
 
-    def __init__(self, gui: Any, session: Session) -> None:
-        self._session = session
+    def __init__(self, gui: Any, session: Session, stage: Stage) -> None:
+        self._session, self._stage = session, stage
         self.summary = gui.add_html("")
+        self.color = gui.add_dropdown(
+            "Colour", (BY_RESIDUAL, BY_FORCE), initial_value=BY_RESIDUAL, hint="Of the points and joints in the scene"
+        )
         self.filter = gui.add_text("Filter", "", hint="Shows those whose name or kind holds this text")
         self.page = gui.add_slider("Page", min=1, max=2, step=1, initial_value=1, visible=False)
         self.all_on = gui.add_button("All on", color="gray", icon="toggle-right", visible=False)
@@ -26,8 +31,13 @@ class ConstraintPanel:
         self._text = ""
         self.filter.on_update(lambda _: session.do(lambda _: None))
         self.page.on_update(lambda _: session.do(lambda _: None))
+        self.color.on_update(lambda _: self._recolor())
         self.all_on.on_click(lambda _: self._switch_all(True))
         self.all_off.on_click(lambda _: self._switch_all(False))
+
+    def _recolor(self) -> None:
+        self._stage.color_by_force = self.color.value == BY_FORCE
+        self._session.do(lambda _: None)  # a frame is published after it
 
     def _switch_all(self, on: bool) -> None:
         for reading in self._chosen(self._session.frame.readings):
@@ -48,9 +58,10 @@ class ConstraintPanel:
         for button in (self.all_on, self.all_off):
             if button.visible != (len(chosen) > 1):
                 button.visible = len(chosen) > 1
+        largest = largest_force(frame.readings)
         first = ROWS * (min(self.page.value, pages) - 1)
         for row, reading in zip(self.rows, [*chosen[first : first + ROWS], *[None] * ROWS], strict=False):
-            row.update(reading, size)
+            row.update(reading, size, largest)
         acting = sum(r.acting for r in frame.readings)
         worst = max((r.residual for r in frame.readings), default=0.0)
         text = (
@@ -86,8 +97,8 @@ class _Row:
         if done.cancelled() or done.exception() is not None:
             self._wanted = None
 
-    def update(self, reading: Reading | None, size: float) -> None:
-        """Show a reading, or nothing."""
+    def update(self, reading: Reading | None, size: float, largest: float) -> None:
+        """Show a reading, or nothing; ``largest`` force of all that act [N]."""
         there = reading is not None
         if self.switch.visible != there:
             self.switch.visible = there
@@ -103,14 +114,14 @@ class _Row:
             self._wanted = None
         if self._wanted is None and self.switch.value != reading.on:
             self.switch.value = reading.on
-        text = row_html(reading, size)
+        text = row_html(reading, size, largest)
         if text != self._text:
             self._text = text
             self.line.content = text
 
 
-def row_html(reading: Reading, size: float) -> str:
-    """Kind, residual in its colour, force."""
+def row_html(reading: Reading, size: float, largest: float) -> str:
+    """Kind, residual in its colour, force in its colour."""
     unit = "m/s" if reading.kind == "velocity" else "m"
     count = f" x {reading.rows}" if reading.rows > 1 else ""
     if reading.broken:
@@ -125,7 +136,14 @@ def row_html(reading: Reading, size: float) -> str:
     return (
         '<div style="display:flex;gap:0.6em;align-items:center;margin:-0.55em 0.9em 0.15em 0.9em;font-size:0.78em;'
         'font-variant-numeric:tabular-nums">'
-        f'<span style="width:0.8em;height:0.8em;border-radius:50%;flex:none;background:{css(residual_color(reading, size))}">'
-        f'</span><span style="opacity:0.6;flex:1">{html.escape(reading.kind)}{count}</span>'
-        f"<span>{told}</span><span>{force}</span></div>"
+        f'{_dot(residual_color(reading, size), 0.5)}<span style="opacity:0.6;flex:1">{html.escape(reading.kind)}{count}</span>'
+        f"<span>{told}</span>{_dot(force_color(reading, largest), 0.2) if force else ''}<span>{force}</span></div>"
+    )
+
+
+def _dot(color: tuple[int, int, int], roundness: float) -> str:
+    """A disc (``roundness`` 0.5) or a tile in a colour."""
+    return (
+        f'<span style="width:0.8em;height:0.8em;border-radius:{100 * roundness:.0f}%;flex:none;background:{css(color)}">'
+        "</span>"
     )

@@ -21,7 +21,7 @@ class PhysicsPanel:
         self._session = session
         d = session.scene.definition
         self.dt = gui.add_number("Time step [ms]", 1e3 * d.dt, min=1e3 * SMALLEST, max=1e3 * LARGEST, step=1e-3)
-        g = d.gravity_vector()
+        g = self._given = d.gravity_vector()
         self.gravity = gui.add_vector3("Gravity [m/s²]", tuple(float(c) for c in g), step=0.01)
         self.zero = gui.add_button_group("Gravity", ("none", "down", "up", "as in the scene"))
         self.integrator = gui.add_dropdown(
@@ -72,6 +72,8 @@ class PhysicsPanel:
         """Show what the scene says."""
         d = scene.definition
         self.dt.value = 1e3 * d.dt
+        x, y, z = (float(c) for c in d.gravity_vector())
+        self.gravity.value = (x, y, z)
         for name in ("integrator", "response", "solver", "conflicts"):
             getattr(self, name).value = getattr(d, name)
         if d.contact is not None:
@@ -83,7 +85,7 @@ class PhysicsPanel:
         axis = 1 if session.up_axis == "Y" else 2
         g = [0.0, 0.0, 0.0]
         if word == "as in the scene":
-            g = [float(c) for c in session.scene.definition.gravity_vector()]
+            g = [float(c) for c in self._given]
         elif word != "none":
             g[axis] = -STANDARD if word == "down" else STANDARD
         self.gravity.value = (g[0], g[1], g[2])

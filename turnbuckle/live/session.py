@@ -137,8 +137,8 @@ class Session:
         return self.do(lambda simulation: self._set_dt(simulation, dt))
 
     def set_gravity(self, gravity: Any) -> "Future[None]":
-        """Other gravity (3,) [m/s^2]."""
-        return self.do(lambda simulation: simulation.state.set_gravity(np.asarray(gravity, dtype=np.float64)))
+        """Other gravity (3,) [m/s^2]; stays after a reset."""
+        return self.do(lambda simulation: self._set_gravity(simulation, [float(g) for g in gravity]))
 
     def set_friction(self, mu: float) -> "Future[None]":
         """One coefficient of friction for all pairs of bodies."""
@@ -254,6 +254,10 @@ class Session:
             raise InputError(f"dt: expected a number greater than 0 [s], got {dt}")
         simulation.dt = float(dt)
         self.scene = changed_scene(self.scene, dt=float(dt))
+
+    def _set_gravity(self, simulation: Simulation, gravity: list[float]) -> None:
+        self.scene = changed_scene(self.scene, gravity=gravity)
+        simulation.state.set_gravity(np.array(gravity))
 
     def _steps(self, count: int) -> StepReport:
         self.running = False

@@ -9,7 +9,7 @@ import numpy as np
 from turnbuckle.data.shape import Shape
 from turnbuckle.live.drawing import drawn_bodies
 from turnbuckle.live.frame import Arrows, Frame
-from turnbuckle.live.paint import PULL, PUSH, residual_colors
+from turnbuckle.live.paint import PULL, PUSH, force_colors, residual_colors
 from turnbuckle.viewer.camera import FIELD_OF_VIEW, frame_box
 from turnbuckle.viewer.geometry import SceneGeometry
 
@@ -106,6 +106,7 @@ class Stage:
         self._pull = Mark(partial(scene.add_arrows, "/marks/hand", **slim), pull)
         self._usual = 0.0  # [N] of contacts, slowly forgotten, so that arrows do not jump in length
         self.show_marks = self.show_contacts = True
+        self.color_by_force = False  # marks of constraints; else by residual
 
     def _ground(self, server: Any, ground: float | None) -> None:
         """Lines on the ground. viser's own grid and light from all around take a second a frame without a graphics card."""
@@ -168,7 +169,8 @@ class Stage:
             self._dots.show(np.zeros((0, 3)))
             self._axes.show(np.zeros((0, 2, 3)))
             return
-        color = residual_colors(frame.readings, self.size)
+        readings = frame.readings
+        color = force_colors(readings) if self.color_by_force else residual_colors(readings, self.size)
         self._dots.show(marks.points, color[marks.of])
         self._axes.show(marks.axes, np.repeat(color[marks.axis_of][:, None], 2, axis=1))
 
