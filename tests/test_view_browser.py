@@ -1,5 +1,6 @@
 """The page in a real browser: mouse and keyboard on one side, the state of the simulation on the other."""
 
+import io
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -8,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from browser_driver import CHROMIUM, PATIENCE, chromium, cloth, in_simulation, opener, pixel, until
+from PIL import Image
 
 import turnbuckle
 from turnbuckle.io import read_recording
@@ -225,12 +227,39 @@ def test_pictures_films_and_pages_are_downloaded(open_page: Any, tmp_path: Path,
             page.get_by_role("button", name=button).click()
         assert download.value.suggested_filename == name
         download.value.save_as(tmp_path / name)
-    alone = browser.new_page()
+    context = browser.new_context(offline=True, viewport={"width": 500, "height": 400})
+    alone = context.new_page()
     wrong: list[str] = []
     alone.on("pageerror", lambda error: wrong.append(str(error)))
     alone.goto((tmp_path / "flag.html").as_uri())
     alone.locator("canvas").first.wait_for(timeout=1e3 * PATIENCE)
-    time.sleep(2.0)
-    alone.screenshot(path=tmp_path / "alone.png")
-    alone.close()
+    alone.wait_for_function("window.__viserTestpoints?.rendererInfo.render.triangles > 100", timeout=1e3 * PATIENCE)
+    time.sleep(3.0)  # it begins anew several times
+    shot = Image.open(io.BytesIO(alone.screenshot(path=tmp_path / "alone.png"))).convert("RGB")
+    blue = np.asarray(shot, dtype=int)[:340]
+    blue = (blue[..., 2] - blue[..., 0] > 40) & (blue[..., 2] > 100)
+    assert 0.02 < blue.mean() < 0.6, "the cloth is on the page"
+    waiting = alone.evaluate("window.__viserMutable.messageQueue.length")
+    assert waiting < 500, "frames are drawn as they come, also when it begins anew"
+    context.close()
     assert not wrong
+
+
+def test_a_film_for_the_eye_is_downloaded(open_page: Any, tmp_path: Path) -> None:
+    ffmpeg = pytest.importorskip("imageio_ffmpeg")
+    shown, page = open_page(cloth(), run=True)
+    until(lambda: shown.source.frame.steps > 0, "the first step")
+    page.get_by_role("tab", name="Export").click()
+    page.get_by_role("button", name="Record", exact=True).click()
+    until(lambda: len(shown.source.recording or []) > 8, "some frames")
+    page.get_by_role("button", name="Stop recording").click()
+    until(lambda: shown.source.recording is None, "the end")
+    kept = len(shown.page.panels["export"].take())
+    page.get_by_label("Film").first.click()
+    page.get_by_role("option", name="mp4").click()
+    with page.expect_download(timeout=1e3 * PATIENCE) as download:
+        page.get_by_role("button", name="Film", exact=True).click()
+    assert download.value.suggested_filename == "flag.mp4"
+    download.value.save_as(tmp_path / "flag.mp4")
+    frames, seconds = ffmpeg.count_frames_and_secs(str(tmp_path / "flag.mp4"))
+    assert frames == kept and seconds > 0.0

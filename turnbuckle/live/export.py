@@ -15,6 +15,7 @@ from turnbuckle import io
 from turnbuckle.data.errors import InputError
 from turnbuckle.data.shape import Shape
 from turnbuckle.live.frame import Frame
+from turnbuckle.live.served_page import standing_alone
 from turnbuckle.live.server import serve
 from turnbuckle.live.stage import Stage
 from turnbuckle.viewer import open_picture
@@ -122,6 +123,6 @@ def web_page(take: Take, look: Look | None = None, progress: Progress | None = N
                 progress((k + 1) / len(take))
         if len(take) > 1:
             serializer.insert_sleep(1.0 / take.frames_per_second)
-        return str(serializer.as_html())
+        return standing_alone(str(serializer.as_html()))
     finally:
         served.stop()

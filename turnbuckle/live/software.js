@@ -2,7 +2,7 @@
 // time of a frame goes with the pixels, so: no smoothing of edges, fewer pixels while something moves (as many as 30 frames
 // a second allow), all of them when it stands. With a graphics card it does nothing.
 (() => {
-  const PIXELS = 70e3, FEWEST = 40e3; // drawn while something moves: at first, at least
+  const PIXELS = 80e3, FEWEST = 60e3; // drawn while something moves: at first, at least
   const PACE = 27; // [ms] between two drawings in the mean: more would only take time from the simulation
   const SLOW = 32, FAST = 29; // [ms]: slower and pixels are taken away, faster and some are given back
   const TICK = 300; // [ms]
@@ -80,7 +80,7 @@
     before = frame;
     if (performance.now() < deaf) return;
     counts.push(drawn);
-    if (counts.length > 5) counts.shift();
+    if (counts.length > 4) counts.shift();
     if (counts.reduce((a, b) => a + b, 0) > 3) {
       // viser draws once a second at rest
       if (state.moving && gaps.length >= 5) {
@@ -92,7 +92,7 @@
         } else if (state.ms < FAST && 1.25 * state.pixels < ceiling) state.pixels *= 1.25;
       }
       state.moving = true;
-    } else if (counts.length >= 4) {
+    } else if (counts.length >= 3) {
       state.moving = false;
       ceiling = Infinity;
     }
