@@ -235,3 +235,39 @@ def test_ctrl_c_leaves_no_process_and_the_same_command_goes_on(tmp_path: Path) -
     assert not list(tmp_path.glob("sweep_hanging/runs/*/attempt-*")) and not list(
         tmp_path.glob("sweep_hanging/runs/*/result")
     )
+
+
+@pytest.mark.parametrize("how", ["SIGTERM", "SIGKILL"])
+def test_a_sweep_that_is_killed_leaves_no_process_behind(tmp_path: Path, how: str) -> None:
+    hanging(duration=1e4).save(tmp_path / "slow.yaml")
+    command = [sys.executable, "-m", "turnbuckle", "sweep", "slow.yaml", "--vary", "bodies.rope.damping=0:1:2"]
+    environment = {**os.environ, "PYTHONPATH": str(Path(turnbuckle.__file__).parents[1])}
+    process = subprocess.Popen([*command, "--processes", "1"], cwd=tmp_path, env=environment, stderr=subprocess.DEVNULL)
+    until = time.monotonic() + 60
+    while not (attempts := list(tmp_path.glob("sweep_hanging/runs/*/attempt-*"))) and time.monotonic() < until:
+        time.sleep(0.02)
+    worker = int(attempts[0].name.split("-")[-2])
+    os.kill(worker, 0)
+    process.send_signal(getattr(signal, how))
+    process.wait(timeout=30)
+    until = time.monotonic() + 10
+    while time.monotonic() < until:
+        try:
+            os.kill(worker, 0)
+        except ProcessLookupError:
+            return
+        if Path(f"/proc/{worker}/stat").exists() and ") Z " in Path(f"/proc/{worker}/stat").read_text():
+            return  # ended, and nobody has asked for its code yet
+        time.sleep(0.05)
+    os.kill(worker, signal.SIGKILL)
+    pytest.fail("the worker runs on without its sweep")
+
+
+def test_friction_is_that_of_contact() -> None:
+    scene = turnbuckle.Scene("slide", dt=1e-3, contact=True)
+    scene.add_rigid("box", box=[0.1, 0.1, 0.1])
+    scene.apply_set("friction=0.7")
+    assert scene.definition.contact.friction == 0.7
+    off = hanging()
+    with pytest.raises(turnbuckle.InputError, match="contact is off"):
+        off.apply_set("friction=0.7")

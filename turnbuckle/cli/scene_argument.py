@@ -10,7 +10,7 @@ from pydantic import TypeAdapter, ValidationError
 import turnbuckle.scenes as ready_scenes
 from turnbuckle.data.errors import InputError
 from turnbuckle.scene.definitions import SceneDef
-from turnbuckle.scene.overrides import split_assignment
+from turnbuckle.scene.overrides import SHORT, split_assignment
 from turnbuckle.scene.scene import Scene
 from turnbuckle.scene.suggestion import did_you_mean
 
@@ -51,7 +51,7 @@ def _ready_scene(name: str, make: Callable[..., Scene], assignments: Sequence[st
         path, value = split_assignment(assignment)
         if path in parameters:
             values[path] = _converted(value, parameters[path], name)
-        elif path.isidentifier() and path not in SceneDef.model_fields:
+        elif path.isidentifier() and path not in SceneDef.model_fields and path not in SHORT:
             known = [*parameters, *SceneDef.model_fields]
             raise InputError(f"--set {assignment}: {name} has no parameter {path!r}{did_you_mean(path, known)}")
         else:

@@ -16,6 +16,7 @@ from turnbuckle.scene.suggestion import did_you_mean
 from turnbuckle.scene.validation import given_data, place_text, problems, report
 from turnbuckle.scene.yaml_nodes import YamlError, parse_yaml, plain
 
+SHORT = {"friction": "contact.friction"}  # what a whole scene has, by the name that everybody tries first
 _PART = re.compile(r"\.?([^.\[\]]+)|\[(-?\d{1,9})\]")
 
 
@@ -35,6 +36,12 @@ def override(definition: SceneDef, assignment: str, context: dict[str, Any] | No
     """A new definition with one field changed and everything validated again. Raises `InputError`."""
     path, value = split_assignment(assignment)
     data = given_data(definition)
+    if path in SHORT:
+        if definition.contact is None:
+            raise InputError(
+                f"--set {assignment}: contact is off, so there is no friction; add --set contact=true before"
+            )
+        path = SHORT[path]
     place = _assign(data, path, value, assignment)
     folder = Path((context or {}).get("folder", ""))
     try:
