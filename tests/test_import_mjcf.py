@@ -31,7 +31,7 @@ def test_an_arm_moves_as_in_mujoco(tmp_path: Path) -> None:
     file = tmp_path / "arm.xml"
     file.write_text(ARM)
     found = turnbuckle.import_scene(file)
-    assert found.left_out == ["contacts are off; turn them on by contact: true in the scene"]
+    assert found.left_out == ["contacts are off; import with --contact, or say contact: true in the scene"]
     kinds = {c.name: c.type for c in found.scene.definition.constraints}
     assert kinds == {"shoulder": "revolute", "u1_u2": "universal", "slider": "prismatic", "link": "ball"}
 
@@ -132,3 +132,38 @@ def test_wrong_files_are_told_in_a_line(tmp_path: Path, text: str) -> None:
     with pytest.raises(InputError) as caught:
         turnbuckle.import_scene(file)
     assert "\n" not in str(caught.value) and str(file) in str(caught.value)
+
+
+TOUCHING = """<mujoco><worldbody>
+  <geom name="floor" type="plane" size="3 3 0.1" friction="0.4 0.005 0.0001"/>
+  <body name="a" pos="0 0 0.1005"><freejoint/><geom type="box" size="0.1 0.1 0.1" mass="2" friction="0.9 0 0"/>
+    <geom name="look" type="sphere" size="0.3" contype="0" conaffinity="0" mass="0"/></body>
+  <body name="b" pos="0.1 0 0.35"><freejoint/><geom type="box" size="0.1 0.1 0.1" mass="1"/></body>
+  <body name="inside_b" pos="0.1 0.05 0.35"><freejoint/><geom type="sphere" size="0.08" mass="1"/></body>
+  <body name="ghost" pos="0 0 0.1"><freejoint/><geom type="sphere" size="0.2" mass="1" contype="0" conaffinity="0"/></body>
+</worldbody><contact><exclude body1="a" body2="b"/></contact></mujoco>"""
+
+
+def test_contact_is_turned_on_when_asked_for(tmp_path: Path) -> None:
+    (tmp_path / "pile.xml").write_text(TOUCHING)
+    off = turnbuckle.import_scene(tmp_path / "pile.xml")
+    assert off.scene.definition.contact is None and any("--contact" in text for text in off.left_out)
+    found = turnbuckle.import_scene(tmp_path / "pile.xml", contact=True)
+    scene = found.scene.definition
+    assert not any("contacts are off" in text for text in found.left_out)
+    assert "geoms that touch nothing, of bodies with others that do: look" in found.left_out
+    ignored = {frozenset(pair.between) for pair in scene.contact.ignore}
+    assert ignored == {frozenset({"a", "b"}), frozenset({"b", "inside_b"})}, (
+        "the file's pair, and the one that overlaps"
+    )
+    assert any("'inside_b'" in text and "overlap" in text for text in found.left_out)
+    bodies = {body.name: body for body in scene.bodies}
+    assert bodies["a"].static_friction == 0.9 and bodies["floor"].static_friction == 0.4
+    assert bodies["ghost"].contact == "off" and bodies["a"].box is not None
+    simulation = turnbuckle.Simulation(found.scene)
+    for _ in range(60):
+        report = simulation.step()
+    assert report.status == "ok" and simulation.pose("a")[0][2] == pytest.approx(0.1, abs=2e-3), (
+        "it stands on the floor"
+    )
+    assert simulation.pose("ghost")[0][2] < 0.1 - 0.03, "and the ghost falls through"

@@ -17,7 +17,7 @@ EXTRAS = {
     *("trimesh", "meshio", "polyscope_bindings"),
     *("pytetwild", "tetgen", "pyvista", "vtk", "polyscope", "pxr", "imageio_ffmpeg", "matplotlib", "viser", "dask"),
     *("pymetis", "pypardiso", "pyamg", "ipctk", "newton", "mujoco", "pypbd", "pyPBD"),
-    *("fontTools", "manifold3d"),
+    *("fontTools", "manifold3d", "playwright", "websockets"),
 }
 # Anybody may import the errors: they import nothing.
 FOR_ALL = "turnbuckle.data.errors"

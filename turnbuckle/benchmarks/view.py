@@ -7,6 +7,7 @@ window, driven by playwright; without them their rows are left out. `--gpu` lets
 import threading
 import time
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -66,6 +67,9 @@ def measure(
 ) -> list[Table]:
     """Measure, print, write the table. ``seconds`` of each measurement; ``width`` and ``height`` of the window [pixels]."""
     console, busy = console or Console(), load()
+    if find_spec("viser") is None:
+        console.print("The page was left out: it needs viser (pip install 'turnbuckle[view]').", markup=False)
+        return []
     scene = flag(cells)
     console.print(f"Showing {(cells + 1) ** 2} vertices, {seconds:g} s a row ...")
     table = Table("Frames of the page", ["what", "frames/s", "drawn/s", "ms a frame", "simulation steps/s"])
@@ -112,11 +116,11 @@ class _Listener:
 
     def __init__(self, shown: View) -> None:
         import viser
-        from websockets.sync.client import connect
+        from websockets.sync import client
 
         port = shown.served.port
         self._messages, self._arrived = 0, threading.Condition()
-        self._socket = connect(
+        self._socket = client.connect(
             f"ws://localhost:{port}", origin=f"http://localhost:{port}", max_size=None, compression=None,
             subprotocols=[f"viser-v{viser.__version__}"],
         )  # fmt: skip

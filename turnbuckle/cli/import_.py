@@ -13,6 +13,9 @@ def import_(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A .urdf, an MJCF .xml, or USD (.usd, .usda, .usdc).")],
     out: Annotated[Path, typer.Argument(metavar="SCENE", help="The scene to write, .yaml or .gascuel.")],
     shapes: Annotated[str, typer.Option(help="URDF: take collision or visual shapes.")] = "collision",
+    contact: Annotated[
+        bool, typer.Option("--contact", help="Turn contact on, but not between bodies that overlap at the start.")
+    ] = False,
 ) -> None:
     """Read bodies, joints and couplings of FILE, write them as a scene, and name all that has no counterpart."""
     from turnbuckle.data.errors import InputError
@@ -22,7 +25,7 @@ def import_(
         raise InputError(f"{out}: name the scene to write .yaml or .gascuel")
     if not out.absolute().parent.is_dir():
         raise InputError(f"{out}: there is no folder {str(out.parent)!r}")
-    found = import_scene(file, shapes)
+    found = import_scene(file, shapes, contact)
     found.scene.save(out)
     for text in found.left_out:
         typer.echo(f"left out: {text}")

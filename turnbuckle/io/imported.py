@@ -14,6 +14,8 @@ from turnbuckle.scene.scene import Scene
 LIGHT = 1e-3  # [kg] of a body that the file gives no mass, but lets move
 SMALL = 0.01  # [m], radius drawn for a body without shape
 HALF_TURN = np.pi * (1.0 + 1e-9)
+CONTACT_OFF = "contacts are off; import with --contact, or say contact: true in the scene"
+APART = "pairs that do not touch count with --contact alone"
 SAME = 1e-9  # two directions or places are the same, relative
 
 
@@ -23,6 +25,7 @@ class Imported:
 
     scene: Scene
     left_out: list[str]  # a sentence for each thing of the file that has no counterpart here, or was changed
+    apart: list[tuple[str, str]] = field(default_factory=list)  # bodies that the file says do not touch
 
 
 @dataclass
@@ -58,6 +61,7 @@ class Gathering:
         self.path = path
         self.data: dict[str, Any] = {"name": name, "bodies": [], "constraints": []}
         self.left_out: list[str] = []
+        self.apart: list[tuple[str, str]] = []
         self._names: dict[str, set[str]] = {"bodies": set(), "constraints": set()}
 
     def name(self, wanted: str | None, kind: str, otherwise: str) -> str:
@@ -170,7 +174,7 @@ class Gathering:
             scene = Scene.from_dict(data, self.path.parent)
         except InputError as error:
             raise InputError("\n".join(f"{self.path}: {line}" for line in str(error).splitlines())) from None
-        return Imported(scene, self.left_out)
+        return Imported(scene, self.left_out, self.apart)
 
 
 def within(value: float, low: float | None, high: float | None) -> float:

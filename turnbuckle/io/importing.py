@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 
 from turnbuckle.data.errors import InputError
+from turnbuckle.io.import_contact import with_contact
 from turnbuckle.io.imported import Imported
 from turnbuckle.io.mjcf import read_mjcf
 from turnbuckle.io.urdf import read_urdf
@@ -12,10 +13,11 @@ from turnbuckle.io.usd_import import read_usd
 SUFFIXES = (".urdf", ".xml", ".mjcf", ".usd", ".usda", ".usdc", ".usdz")
 
 
-def import_scene(path: str | os.PathLike[str], shapes: str = "collision") -> Imported:
+def import_scene(path: str | os.PathLike[str], shapes: str = "collision", contact: bool = False) -> Imported:
     """The scene in a URDF, MJCF or USD file, and what of it has no counterpart.
 
-    An .xml is URDF where it begins with <robot>, else MJCF. ``shapes``: of URDF, "collision" or "visual".
+    An .xml is URDF where it begins with <robot>, else MJCF. ``shapes``: of URDF, "collision" or "visual". ``contact``: turn
+    contact on, but not between bodies that overlap at the start.
     Raises `InputError`.
     """
     path = Path(path)
@@ -27,10 +29,12 @@ def import_scene(path: str | os.PathLike[str], shapes: str = "collision") -> Imp
     if not path.is_file():
         raise InputError(f"{path}: there is no such file")
     if suffix.startswith(".usd"):
-        return read_usd(path)
-    if suffix == ".urdf" or _is_robot(path):
-        return read_urdf(path, shapes)
-    return read_mjcf(path)
+        found = read_usd(path)
+    elif suffix == ".urdf" or _is_robot(path):
+        found = read_urdf(path, shapes)
+    else:
+        found = read_mjcf(path)
+    return with_contact(found) if contact else found
 
 
 def _is_robot(path: Path) -> bool:

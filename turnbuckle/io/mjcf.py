@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from turnbuckle.data.errors import InputError
-from turnbuckle.io.imported import LIGHT, SAME, Frame, Gathering, Imported, ellipsoid, within
+from turnbuckle.io.imported import APART, CONTACT_OFF, LIGHT, SAME, Frame, Gathering, Imported, ellipsoid, within
 
 FREE, BALL, SLIDE, HINGE = 0, 1, 2, 3
 FAR = 100.0  # [m], of a plane without end
@@ -70,15 +70,23 @@ class _Reader:
             fused = model.body_jntnum[b] == 0 and model.body_mass[b] == 0.0 and model.body_mocapid[b] < 0
             carrier[b] = carrier[model.body_parentid[b]] if fused else b
         self.names = {b: out.name(self.named("BODY", b), "bodies", f"body_{b}") for b in set(carrier) - {0}}
+        geoms: dict[int, list[int]] = {}
         for g in range(model.ngeom):
-            b = carrier[model.geom_bodyid[g]]
-            self._geom(g, b, parts.setdefault(b, []))
+            geoms.setdefault(carrier[model.geom_bodyid[g]], []).append(g)
+        for b, own in geoms.items():
+            for g in self._taken(own) if b else own:
+                self._geom(g, b, parts.setdefault(b, []))
         for b, name in self.names.items():
-            self._body(b, name, parts.get(b, []))
+            self._body(b, name, parts.get(b, []), self._touch(geoms.get(b, [])))
         for b in self.names:
             self._joints(b, carrier[model.body_parentid[b]])
         for e in range(model.neq):
             self._equality(e, carrier)
+        for signature in model.exclude_signature.tolist():
+            one, other = (self.names.get(carrier[b]) for b in (signature >> 16, signature & 0xFFFF))
+            if one is not None and other is not None and one != other:
+                out.apart.append((one, other))
+        out.note_all(APART, (self.named("EXCLUDE", e) for e in range(model.nexclude)))
         self._tell()
         return out.finish()
 
@@ -134,14 +142,33 @@ class _Reader:
             parts.append({**shape, **(self._frame(b).inverse() * frame).fields()})
             return
         name = self.out.name(label, "bodies", label)
-        self.out.data["bodies"].append({"type": "obstacle", "name": name, "color": color, **frame.fields(), **shape})
+        touch = self._touch([g])
+        self.out.data["bodies"].append(
+            {"type": "obstacle", "name": name, "color": color, **frame.fields(), **shape, **touch}
+        )
 
-    def _body(self, b: int, name: str, parts: list[dict[str, Any]]) -> None:
+    def _taken(self, geoms: list[int]) -> list[int]:
+        """Of the geoms of a body those that can touch, where it has such."""
+        m = self.model
+        touching = [g for g in geoms if m.geom_contype[g] or m.geom_conaffinity[g]]
+        left = [self.named("GEOM", g, f"geom_{g}") for g in geoms if touching and g not in touching]
+        self.out.note_all("geoms that touch nothing, of bodies with others that do", left)
+        return touching or geoms
+
+    def _touch(self, geoms: Sequence[int]) -> dict[str, Any]:
+        """What a scene says of the surface of a body: friction (the largest of its geoms), or that it touches nothing."""
+        m = self.model
+        touching = [g for g in geoms if m.geom_contype[g] or m.geom_conaffinity[g]]
+        if not touching:
+            return {"contact": "off"} if geoms else {}
+        return {"static_friction": max(float(m.geom_friction[g][0]) for g in touching)}
+
+    def _body(self, b: int, name: str, parts: list[dict[str, Any]], touch: dict[str, Any]) -> None:
         m = self.model
         mass = float(m.body_mass[b])
         inertial = Rotation.from_quat(m.body_iquat[b], scalar_first=True).as_matrix()
         still = m.body_mocapid[b] >= 0 or (m.body_jntnum[b] == 0 and m.body_weldid[b] == 0)
-        more: dict[str, Any] = {"motion": "immobile"} if still else {}
+        more: dict[str, Any] = {"motion": "immobile", **touch} if still else dict(touch)
         if m.body_mocapid[b] >= 0:
             self.out.note(f"body '{name}': a mocap body stands still")
         if mass <= 0.0:
@@ -288,7 +315,7 @@ class _Reader:
         for kind, count, what in (
             ("ACTUATOR", m.nu, "actuators"), ("TENDON", m.ntendon, "tendons"), ("SENSOR", m.nsensor, "sensors"),
             ("FLEX", getattr(m, "nflex", 0), "flexes"), ("SKIN", m.nskin, "skins"), ("KEY", m.nkey, "keyframes"),
-            ("PAIR", m.npair, "contact pairs"), ("EXCLUDE", m.nexclude, "contact exclusions"),
+            ("PAIR", m.npair, "contact pairs"),
             ("PLUGIN", getattr(m, "nplugin", 0), "plugins"),
         ):  # fmt: skip
             out.note_all(f"{what} have no counterpart", (self.named(kind, i) for i in range(count)))
@@ -300,7 +327,7 @@ class _Reader:
         ):  # fmt: skip
             out.note_all(f"{what} has no counterpart", (self.named("JOINT", int(j)) for j in np.flatnonzero(values)))
         if m.ngeom:
-            out.note("contacts are off; turn them on by contact: true in the scene")
+            out.note(CONTACT_OFF)
 
 
 def _frame(x: np.ndarray, wxyz: np.ndarray) -> Frame:

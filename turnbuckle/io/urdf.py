@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from turnbuckle.data.errors import InputError
-from turnbuckle.io.imported import Frame, Gathering, Imported, within
+from turnbuckle.io.imported import CONTACT_OFF, Frame, Gathering, Imported, within
 from turnbuckle.meshes.read import SurfaceMesh, read_mesh
 
 KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
@@ -316,4 +316,4 @@ class _Reader:
                 others[e.tag] = others.get(e.tag, 0) + 1
         out.note_all("elements that are not understood", (f"<{tag}> ({n})" for tag, n in others.items()))
         if self.parts:
-            out.note("contacts are off; turn them on by contact: true in the scene")
+            out.note(CONTACT_OFF)

@@ -26,6 +26,17 @@ def contact_counts(model: Model) -> list[tuple[str, str]]:
     ]
 
 
+def crossing_bodies(model: Model, state: State) -> list[tuple[str, str, int]]:
+    """Bodies that cross at the start though they may touch: two names, and how many edges go through faces."""
+    surfaces = model.surfaces
+    if surfaces is None or not surfaces.collides.any():
+        return []
+    found = intersections(surfaces, surfaces.positions(state.positions()))
+    first, second = surfaces.shape[surfaces.edges[found[:, 0], 0]], surfaces.shape[surfaces.faces[found[:, 1], 0]]
+    pairs, count = np.unique(np.sort(np.stack([first, second], axis=1), axis=1), axis=0, return_counts=True)
+    return [(model.shapes[a].name, model.shapes[b].name, int(n)) for (a, b), n in zip(pairs, count, strict=True)]
+
+
 def contact_warnings(model: Model, state: State) -> Iterator[str]:
     """Bodies that cross at the start, and scenes in which nothing can touch."""
     surfaces = model.surfaces
@@ -34,10 +45,6 @@ def contact_warnings(model: Model, state: State) -> Iterator[str]:
     if not surfaces.collides.any():
         yield "contact is on, but no two bodies may touch; see the fields contact of the bodies, and contact.ignore"
         return
-    found = intersections(surfaces, surfaces.positions(state.positions()))
-    first, second = surfaces.shape[surfaces.edges[found[:, 0], 0]], surfaces.shape[surfaces.faces[found[:, 1], 0]]
-    pairs, count = np.unique(np.sort(np.stack([first, second], axis=1), axis=1), axis=0, return_counts=True)
-    for (a, b), times in list(zip(pairs, count, strict=True))[:MAX_PAIRS]:
-        one, other = model.shapes[a].name, model.shapes[b].name
-        who = f"body '{one}' crosses itself" if a == b else f"bodies '{one}' and '{other}' cross"
+    for one, other, times in crossing_bodies(model, state)[:MAX_PAIRS]:
+        who = f"body '{one}' crosses itself" if one == other else f"bodies '{one}' and '{other}' cross"
         yield f"{who} at the start ({times} edges through faces); move them apart, or set contact.on_intersection: grow"
