@@ -200,8 +200,8 @@ def test_a_second_run_replaces_the_first_and_no_frame_is_a_file_too(tmp_path, sc
 def test_unknown_suffix_names_the_known(tmp_path, scene):
     with pytest.raises(InputError, match=r"\.abc.*\.npz, \.vtkhdf, \.usdc"):
         open_recorder(tmp_path / "run.abc", scene[0], up_axis="Z", frames_per_second=24)
-    with pytest.raises(InputError, match="only .npz and .vtkhdf"):
-        read_recording(tmp_path / "run.usdc")
+    with pytest.raises(InputError, match="only .npz, .vtkhdf, .usdc"):
+        read_recording(tmp_path / "run.abc")
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".npz.part", ".vtkhdf"])

@@ -7,14 +7,14 @@ import typer
 
 from turnbuckle.cli.report_errors import report_errors
 
-RECORDINGS = (".npz", ".vtkhdf", ".part")
+RECORDINGS = (".npz", ".vtkhdf", ".part", ".usdc", ".usda", ".usd", ".usdz")
 FORMATS = ("usdc", "usda", "usd", "vtkhdf", "npz", "obj", "ply", "glb", "png", "gif", "mp4")
 SCENES = ("usda", "usdc", "usd")
 
 
 @report_errors
 def export(
-    source: Annotated[str, typer.Argument(metavar="RECORDING", help="A recording (.npz, .vtkhdf), or a scene.")],
+    source: Annotated[str, typer.Argument(metavar="RECORDING", help="A recording (.npz, .vtkhdf, USD), or a scene.")],
     to: Annotated[str, typer.Option(metavar="FORMAT", help=f"One of {', '.join(FORMATS)}.")],
     out: Annotated[
         Path | None, typer.Option(metavar="FILE", help="The file to write; beside RECORDING, if not.")

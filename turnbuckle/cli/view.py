@@ -5,13 +5,17 @@ from typing import Annotated
 
 import typer
 
+from turnbuckle.cli.export import RECORDINGS
 from turnbuckle.cli.report_errors import report_errors
 
 
 @report_errors
 def view(
     what: Annotated[
-        str, typer.Argument(metavar="SCENE|RECORDING", help="A scene file, a ready scene, or a .npz or .vtkhdf.")
+        str,
+        typer.Argument(
+            metavar="SCENE|RECORDING", help="A scene file, a ready scene, or a recording (.npz, .vtkhdf, USD)."
+        ),
     ],
     set_: Annotated[
         list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help="Change a field or a parameter of a scene.")
@@ -28,7 +32,7 @@ def view(
     device: Annotated[str, typer.Option(help="Where to compute: cpu, cuda:0, ...")] = "cpu",
 ) -> None:
     """Look at SCENE as it runs, take hold of it, switch its constraints; or play RECORDING. Ends with Ctrl-C."""
-    recording = Path(what).suffix.lower() in (".npz", ".vtkhdf", ".part")
+    recording = Path(what).suffix.lower() in RECORDINGS
 
     from turnbuckle.data.errors import InputError
 

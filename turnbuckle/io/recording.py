@@ -11,7 +11,10 @@ import numpy as np
 from turnbuckle.data.errors import InputError
 from turnbuckle.data.shape import Shape
 from turnbuckle.io.npz import read_npz
+from turnbuckle.io.usd_recording import read_usd_recording
 from turnbuckle.io.vtkhdf import read_vtkhdf
+
+READ = (".npz", ".vtkhdf", ".usdc", ".usda", ".usd", ".usdz")  # suffixes that can be read back
 
 
 @dataclass(frozen=True)
@@ -33,13 +36,13 @@ class Recording:
 
 
 def read_recording(path: str | Path) -> Recording:
-    """Open a .npz (or the .npz.part of a killed run) or a .vtkhdf of Turnbuckle. Raises InputError for all else."""
+    """Open a .npz (or the .npz.part of a killed run) or a .vtkhdf of Turnbuckle, or USD. Raises InputError for all else."""
     path = Path(path)
     suffix = path.with_suffix("").suffix.lower() if path.suffix == ".part" else path.suffix.lower()
     if suffix == ".npz":
         shapes, info, times, x, v = read_npz(path)
         return Recording(times, shapes, lambda frame: np.array(x[frame]), lambda frame: np.array(v[frame]), info)
-    if suffix == ".vtkhdf":
-        shapes, info, times, fetch = read_vtkhdf(path)
+    if suffix in READ[1:]:
+        shapes, info, times, fetch = read_vtkhdf(path) if suffix == ".vtkhdf" else read_usd_recording(path)
         return Recording(times, shapes, lambda frame: fetch("x", frame), lambda frame: fetch("v", frame), info)
-    raise InputError(f"recording {path}: only .npz and .vtkhdf can be read back")
+    raise InputError(f"recording {path}: only {', '.join(READ)} can be read back")

@@ -58,7 +58,7 @@ class UsdRecorder(Recorder):
         x, v = check_frame(self._path, x, v, self._points)
         if self._stage is None:
             raise InputError(f"recording {self._path}: is closed; no frame can be added")
-        code = time * self._rate
+        code = round(time * self._rate, 6)  # whole numbers, where frames come at the rate
         if self._points is None:
             self._points = len(x)
             self._stage.SetStartTimeCode(code)
