@@ -86,7 +86,8 @@ class _Drawn:
         if not self.deforms and self._is_rigid(start, codes):
             more["local"] = start
         looks = codes[:: max(len(codes) // LOOKS, 1)] + codes[-1:]
-        more["still"] = all(np.abs(self.at(code) - start).max(initial=0.0) == 0.0 for code in looks)
+        least = 1e-7 * max(float(np.abs(start).max(initial=0.0)), 1.0)
+        more["still"] = all(np.abs(self.at(code) - start).max(initial=0.0) <= least for code in looks)
         return Shape(name, begin, end, **more)
 
     def _is_rigid(self, start: np.ndarray, codes: list[float]) -> bool:
