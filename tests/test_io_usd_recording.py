@@ -12,7 +12,7 @@ pytest.importorskip("pxr")
 
 
 def test_a_run_recorded_as_usd_plays_as_the_same_run(tmp_path: Path) -> None:
-    scene = turnbuckle.Scene("both", dt=2e-3, duration=0.1, frames_per_second=50.0)
+    scene = turnbuckle.Scene("both", dt=2e-4, duration=0.1, frames_per_second=50.0)
     scene.add_rigid("bob", box=[0.1, 0.2, 0.3], position=[1, 0, 0], mass=1.0, velocity=[0, 0, 1])
     scene.add_joint("ball", "pivot", body1="bob", anchor=[0.6, 0, 0])
     scene.add_cloth("flag", size=[0.3, 0.2], cells=[3, 2], position=[0, 0, 1], color=[0.2, 0.4, 0.6])
@@ -35,7 +35,7 @@ def test_a_run_recorded_as_usd_plays_as_the_same_run(tmp_path: Path) -> None:
             assert away.min(axis=0).max() < 1e-6 and away.min(axis=1).max() < 1e-6, (shape.name, frame)
     v = read.v(2)[shapes["flag"].begin : shapes["flag"].end]
     flag = next(s for s in true.shapes if s.name == "flag")
-    assert np.allclose(v, true.v(2)[flag.begin : flag.end], atol=1e-5)
+    assert np.abs(v).max() > 0.1 and np.allclose(v, true.v(2)[flag.begin : flag.end], atol=1e-4)
     turnbuckle.export_recording(tmp_path / "run.usdc", tmp_path / "again.glb")
     assert (tmp_path / "again.glb").stat().st_size > 1000
 

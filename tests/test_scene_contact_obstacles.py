@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import turnbuckle
 from turnbuckle.data.errors import InputError, StepError
 from turnbuckle.data.model import Scripted
 from turnbuckle.data.shape import Shape
@@ -206,3 +207,21 @@ def test_pictures_show_where_it_is() -> None:
         pictures.append(np.argwhere(red[:, :, 0] > red[:, :, 1] + 60))
     assert min(map(len, pictures)) > 20
     assert np.abs(pictures[0].mean(axis=0) - pictures[1].mean(axis=0)).max() > 5.0, "it has moved across the picture"
+
+
+@pytest.mark.parametrize(
+    "integrator", ["verlet", "velocity_verlet", "rk4", "beeman", "explicit_euler", "implicit_euler"]
+)
+def test_without_contact_obstacles_stay_or_go_where_they_are_told(integrator: str) -> None:
+    scene = turnbuckle.Scene("off", dt=2e-3, integrator=integrator)
+    scene.add_obstacle("floor", box=[1, 1, 0.1], position=[0, 0, -1])
+    keys = {"times": [0, 1], "positions": [[0, 0, 0], [1, 0, 0]]}
+    scene.add_obstacle("cart", sphere=0.1, trajectory=keys)
+    scene.add_rope("rope", start=[0, 1, 0], end=[1, 1, 0], segments=2)
+    simulation = turnbuckle.Simulation(scene)
+    floor, cart, rope = (simulation.positions(n).copy() for n in ("floor", "cart", "rope"))
+    simulation.run(0.1)
+    assert np.array_equal(simulation.positions("floor"), floor)
+    assert np.allclose(simulation.positions("cart") - cart, [0.028, 0, 0], atol=1e-9)  # smooth between keys
+    assert simulation.positions("rope")[1, 2] < rope[1, 2] - 0.03, "what is free falls"
+    assert simulation.state.energies["kinetic"] > 0.0 and np.abs(simulation.state.velocities()).max() < 1.1

@@ -33,6 +33,7 @@ from turnbuckle.step.articulated import Articulated
 from turnbuckle.step.certificate import Certificate
 from turnbuckle.step.goals import aim_again, move_goals
 from turnbuckle.step.recording import Scratch, StepRecorder
+from turnbuckle.step.scripts import follow_scripts
 from turnbuckle.step.snapshot import Snapshot
 
 TIED = 1e-12  # [m] what points held together with joints, in one system, may miss by on top
@@ -121,6 +122,7 @@ class Stepper:
                 self._program("change_dt").run()
             program = self._program("step")
             program.run()
+            follow_scripts(model, state.now, self._ahead, state.time + dt, dt, scheme.velocity_memory)
         except (FloatingPointError, np.linalg.LinAlgError) as error:
             self._restore(before)
             return self._failed(dt, str(error))
