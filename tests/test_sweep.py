@@ -263,6 +263,14 @@ def test_a_sweep_that_is_killed_leaves_no_process_behind(tmp_path: Path, how: st
     pytest.fail("the worker runs on without its sweep")
 
 
+def test_a_measure_that_no_run_has_is_told(tmp_path: Path) -> None:
+    result = turnbuckle.sweep(
+        hanging, {"stiffness": [1e4]}, out=tmp_path / "out", measure=["energies.kinetik", "steps"]
+    )
+    (told,) = [note for note in result.notes if "measure" in note]
+    assert "energies.kinetik" in told and "did you mean 'energies.kinetic'" in told
+
+
 def test_friction_is_that_of_contact() -> None:
     scene = turnbuckle.Scene("slide", dt=1e-3, contact=True)
     scene.add_rigid("box", box=[0.1, 0.1, 0.1])

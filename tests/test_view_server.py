@@ -170,6 +170,14 @@ def test_a_port_that_is_taken_and_a_host_that_is_not_ours_are_told() -> None:
         serve(host="192.0.2.1")
 
 
+def test_a_token_that_no_address_can_hold_is_told() -> None:
+    pytest.importorskip("viser")
+    from turnbuckle.live.server import serve
+
+    with pytest.raises(turnbuckle.InputError, match="token"):
+        serve(token="a b\nSet-Cookie: x")
+
+
 def test_only_scenes_and_recordings_can_be_viewed() -> None:
     from turnbuckle.live import view
 

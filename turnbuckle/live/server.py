@@ -1,6 +1,7 @@
 """A viser server behind a gate. viser itself serves on all addresses and asks nobody who he is; see `gate.py`."""
 
 import contextlib
+import re
 import socket
 import threading
 from collections.abc import Iterator
@@ -16,6 +17,7 @@ PORT = 8080
 TRIES = 100  # ports tried from `PORT` on where none was asked for
 MISSING = "the page in the browser needs viser; run: pip install 'turnbuckle[view]'"
 FRAMES = "frame-ancestors 'self' http://localhost:* http://127.0.0.1:* vscode-webview:"  # notebooks on this machine
+PLAIN = re.compile(r"[A-Za-z0-9._~-]+")  # a token
 _starting = threading.Lock()
 
 
@@ -55,6 +57,8 @@ def serve(host: str = "127.0.0.1", port: int | None = None, token: str | None = 
         import viser
     except ImportError:
         raise InputError(MISSING) from None
+    if token and not PLAIN.fullmatch(token):
+        raise InputError("--token: letters, digits, '-', '_', '.' and '~' alone; it is part of the address")
     port = free_port(host, port)
     if not is_loopback(host) and not token:
         token = new_token()

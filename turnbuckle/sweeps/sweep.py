@@ -15,7 +15,7 @@ from turnbuckle.sweeps.local import run_local
 from turnbuckle.sweeps.plan import RESULT, SCENE, Run, freeze
 from turnbuckle.sweeps.plot import draw
 from turnbuckle.sweeps.source import Make, Source, maker
-from turnbuckle.sweeps.table import Row, csv_text, rows, text
+from turnbuckle.sweeps.table import Row, csv_text, missing, rows, text
 from turnbuckle.sweeps.values import combine
 
 RECORDINGS = ("npz", "vtkhdf", "usdc", "usda", "usd", "png", "gif", "mp4")
@@ -133,6 +133,7 @@ def sweep_made(
     finally:
         _clear(runs)
     result = SweepResult(folder, runs, list(vary), list(measure), [])
+    result.notes += missing(runs, measure)
     _write(result)
     return result
 

@@ -5,6 +5,7 @@ import io
 from collections.abc import Sequence
 from typing import Any
 
+from turnbuckle.scene.suggestion import did_you_mean
 from turnbuckle.sweeps.plan import Run
 from turnbuckle.sweeps.values import text_of
 
@@ -54,6 +55,26 @@ def measured(path: str, report: dict[str, Any], outcome: dict[str, Any]) -> Any:
         if value is not None:
             return value
     return None
+
+
+def missing(runs: Sequence[Run], measures: Sequence[str]) -> list[str]:
+    """A sentence for each measure that no run that is done has."""
+    done = [r for r in runs if r.status == "done"]
+    if not done:
+        return []
+    known = [*_paths(done[0].report), *_paths(done[0].outcome)]
+    return [
+        f"measure {path}: no run has it{did_you_mean(path, known)}"
+        for path, values in ((p, [row.get(p) for row in rows(done, [p])]) for p in measures)
+        if all(value is None for value in values)
+    ]
+
+
+def _paths(value: Any, at: str = "") -> list[str]:
+    """All that can be measured, as paths."""
+    if not isinstance(value, dict):
+        return [at]
+    return [path for key, inner in value.items() for path in _paths(inner, f"{at}.{key}" if at else str(key))]
 
 
 def _inner(value: Any, path: str) -> tuple[Any, str]:
