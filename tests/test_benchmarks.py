@@ -131,4 +131,12 @@ def test_ride_counts_iterations() -> None:
 
 def test_registry_names_what_can_be_measured() -> None:
     contact = {"falling_cloth", "letters", "dancer", "contact_scaling", "contact_histograms"}
-    assert set(REGISTRY) == {"curtain", "constraints", "scaling", "chain", "monocycle", "ccd"} | contact
+    assert set(REGISTRY) == {"curtain", "constraints", "scaling", "chain", "monocycle", "ccd", "view"} | contact
+
+
+def test_the_page_is_measured_without_a_browser(tmp_path: Path) -> None:
+    pytest.importorskip("viser")
+    (table,) = REGISTRY["view"](Console(quiet=True), tmp_path, cells=12, seconds=0.3, browser=False)
+    frames = {row[0]: row[1] for row in table.rows}
+    assert frames["server alone"] > frames["server and socket"] > 10.0, "one frame arrives before the next is made"
+    assert (tmp_path / "view.md").exists()

@@ -77,7 +77,7 @@ def measure(
         shown.page.close()  # frames come from here at first
         x = np.array(shown.source.frame.x)
         table.add("server alone", *_alone(shown, x, seconds))
-        listener = _Listener(shown)
+        listener = _Listener(shown, least=x.nbytes // 4)  # vertices go as float32, and once each here
         table.add("server and socket", *_alone(shown, x, seconds, listener))
         listener.close()
         if not browser:
@@ -114,12 +114,13 @@ def _alone(shown: View, x: np.ndarray, seconds: float, listener: "_Listener | No
 class _Listener:
     """A connection that reads what a browser would and draws nothing."""
 
-    def __init__(self, shown: View) -> None:
+    def __init__(self, shown: View, least: int) -> None:
+        """``least``: what is smaller is no frame [bytes]."""
         import viser
         from websockets.sync import client
 
         port = shown.served.port
-        self._messages, self._arrived = 0, threading.Condition()
+        self._messages, self._arrived, self._least = 0, threading.Condition(), least
         self._socket = client.connect(
             f"ws://localhost:{port}", origin=f"http://localhost:{port}", max_size=None, compression=None,
             subprotocols=[f"viser-v{viser.__version__}"],
@@ -130,7 +131,7 @@ class _Listener:
 
     def _read(self) -> None:
         for message in self._socket:
-            if len(message) > 10_000:  # a frame; small ones are numbers and lists
+            if len(message) > self._least:  # small ones are numbers and lists
                 with self._arrived:
                     self._messages += 1
                     self._arrived.notify_all()
