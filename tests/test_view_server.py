@@ -141,6 +141,20 @@ def test_the_page_is_served_on_this_machine_alone_and_to_its_own_page_alone() ->
     shown.close()
 
 
+def test_the_page_carries_our_script_and_is_whole() -> None:
+    pytest.importorskip("viser")
+    import gzip
+
+    from turnbuckle.live import view
+
+    with view(scene(), open_browser=False) as shown:
+        status, plain, headers = ask(shown.served.port)
+        assert status == 200 and plain.index(b"turnbuckleSoftware") < plain.index(b'id="root"')
+        assert int(headers["Content-Length"]) == len(plain) and plain.rstrip().endswith(b"</html>")
+        packed = ask(shown.served.port, **{"Accept-Encoding": "gzip"})
+        assert packed[2]["Content-Encoding"] == "gzip" and gzip.decompress(packed[1]) == plain
+
+
 def test_opened_wider_it_asks_for_the_token() -> None:
     pytest.importorskip("viser")
     from turnbuckle.live import view

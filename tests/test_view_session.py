@@ -1,5 +1,8 @@
 """A simulation in a thread of its own: commands, the hand, pins, other schemes, frames. No browser, no server."""
 
+import os
+import sys
+import threading
 import time
 from collections.abc import Iterator
 from concurrent.futures import Future
@@ -328,3 +331,32 @@ def test_a_ray_finds_the_body_in_front_and_ropes_beside_it() -> None:
     rope = pick_ray(shapes, x, np.array([1.004, -3.0, -0.5]), np.array([0.0, 1.0, 0.0]))
     assert rope is not None and shapes[rope.shape].name == "rope" and hit.point != rope.point
     assert pick_ray(shapes, x, np.array([5.0, -3.0, 0.0]), np.array([0.0, 1.0, 0.0])) is None
+
+
+def test_gravity_stays_after_a_reset_and_is_saved() -> None:
+    with live(hanging()) as session:
+        done(session.set_gravity([0.0, 0.0, 1.5]))
+        done(session.step(2))
+        done(session.reset())
+        assert done(session.do(lambda s: s.state.gravity.tolist())) == [0.0, 0.0, 1.5]
+        assert session.scene.definition.gravity.tolist() == [0.0, 0.0, 1.5]
+
+
+def test_forces_have_colours() -> None:
+    from turnbuckle.live.paint import OFF, force_colors
+
+    with live(hanging()) as session:
+        done(session.step(300))
+        done(session.switch("right", False))
+        done(session.step(1))
+        left, right = force_colors(session.frame.readings)
+        assert tuple(right) == OFF and left[2] > left[1] + 50, "the only force is the largest: violet"
+
+
+def test_the_simulation_gives_way_to_the_page() -> None:
+    if not sys.platform.startswith("linux"):
+        pytest.skip("threads have priorities of their own on Linux alone")
+    with live(hanging()) as session:
+        usual = os.getpriority(os.PRIO_PROCESS, threading.main_thread().native_id)
+        own = done(session.do(lambda _: os.getpriority(os.PRIO_PROCESS, threading.get_native_id())))
+        assert own >= max(usual, 5)
