@@ -6,6 +6,7 @@
   const PACE = 27; // [ms] between two drawings in the mean: more would only take time from the simulation
   const SLOW = 32, FAST = 29; // [ms]: slower and pixels are taken away, faster and some are given back
   const TICK = 300; // [ms]
+  const FIXED = new URLSearchParams(window.location.search).has("fixedDpr"); // the user has chosen
   const probe = document.createElement("canvas").getContext("webgl2");
   const told = probe && probe.getExtension("WEBGL_debug_renderer_info");
   const renderer = told ? probe.getParameter(told.UNMASKED_RENDERER_WEBGL) : "";
@@ -49,7 +50,7 @@
   let deaf = 0; // until then frames say nothing: a change of size draws some
   const size = () => {
     const viser = window.__viserTestpoints, canvas = window.__viserMutable?.canvas;
-    if (!viser || !canvas) return;
+    if (!viser || !canvas || FIXED) return;
     const box = canvas.getBoundingClientRect();
     const part = Math.sqrt(state.pixels / Math.max(box.width * box.height, 1));
     const wanted = state.moving ? Math.min(Math.round(20 * part) / 20, 1) : 1;
