@@ -130,7 +130,8 @@ def test_ride_counts_iterations() -> None:
 
 
 def test_registry_names_what_can_be_measured() -> None:
-    contact = {"falling_cloth", "letters", "dancer", "contact_scaling", "contact_histograms"}
+    contact = {"falling_cloth", "letters", "dancer", "contact_scaling", "contact_histograms", "local_global"}
+    contact |= {"contact_windows"}
     assert set(REGISTRY) == {"curtain", "constraints", "scaling", "chain", "monocycle", "ccd", "view"} | contact
 
 

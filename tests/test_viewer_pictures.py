@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -271,3 +272,13 @@ def test_bodies_stand_on_their_shadows():
     _, x = _scene()
     camera = Framing("Z", SIZE, None).follow(x)
     assert camera.low[2] == x[:, 2].min() and camera.low[0] < x[:, 0].min() and camera.high[2] > x[:, 2].max()
+
+
+def test_pictures_may_be_asked_for_by_any_thread() -> None:
+    shapes, x = _scene()
+    pictures = [Renderer(shapes, "Z", size=(64, 48)).frame(x)]
+    other = threading.Thread(target=lambda: pictures.append(Renderer(shapes, "Z", size=(64, 48)).frame(x)))
+    other.start()
+    other.join()
+    pictures.append(Renderer(shapes, "Z", size=(64, 48)).frame(x))
+    assert len(pictures) == 3 and all(np.array_equal(p, pictures[0]) for p in pictures)

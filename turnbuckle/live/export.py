@@ -23,7 +23,7 @@ from turnbuckle.viewer.browser_camera import hold_camera, picture_from
 
 T = TypeVar("T")
 LARGEST = 200e6  # bytes of vertices in a web page, before they are packed; frames are left out beyond
-# The graphics library belongs to the thread that first used it: all pictures are drawn in this one.
+# Films are made one after the other.
 _drawing = ThreadPoolExecutor(max_workers=1, thread_name_prefix="turnbuckle pictures")
 Progress = Callable[[float], None]
 

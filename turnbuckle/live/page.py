@@ -19,7 +19,7 @@ from turnbuckle.live.session import Session
 from turnbuckle.live.stage import Stage
 from turnbuckle.live.taking_hold import TakingHold
 
-FRAMES = 40.0  # a second at most
+FRAMES = 60.0  # a second at most
 LISTS = 6.0  # times a second that lists and numbers are written anew
 BRAND = (46, 92, 138)
 

@@ -28,7 +28,7 @@ from turnbuckle.scene.scene import Scene
 from turnbuckle.step.simulation import Simulation
 
 T = TypeVar("T")
-SHOWN = 1.0 / 40.0  # [s] of wall time between two frames at least
+SHOWN = 1.0 / 60.0  # [s] of wall time between two frames at least
 READ = 0.15  # [s] between two readings of the constraints
 READ_PART = 0.1  # of the time that readings may take
 BEHIND = 0.1  # [s] of wall time: what is further behind is given up

@@ -1,12 +1,14 @@
 """Pictures by Polyscope in a window that is not there (EGL).
 
 Polyscope is one per process: it is started once, when the first picture is asked for, and shows the bodies of one
-renderer at a time.
+renderer at a time. Its context belongs to the thread that started it, so that all its work is done in a thread of its own,
+whoever asks: a run, a notebook, the page in the browser.
 """
 
 import atexit
 import contextlib
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from types import ModuleType
 from typing import Any
 
@@ -18,12 +20,17 @@ from turnbuckle.viewer.geometry import SceneGeometry
 
 _TONE = 1.6  # the "clay" material pales colours; this power brings them back
 
+_thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="turnbuckle pictures")
 _started: dict[str, Any] = {}  # "polyscope": the module, or "missing": why there is none
 _shown: list["HeadlessView"] = []  # the view whose bodies Polyscope holds
 
 
 def start() -> ModuleType | str:
     """Polyscope, started; or a sentence that says what is missing."""
+    return _thread.submit(_start_once).result()
+
+
+def _start_once() -> ModuleType | str:
     if not _started:
         try:
             with _no_farewell():
@@ -95,10 +102,13 @@ class HeadlessView:
 
     def draw(self, x: np.ndarray, camera: Camera, backdrop: Image.Image) -> np.ndarray:
         """A picture (height, width, 3) uint8 of all bodies at ``x`` [m] (points, 3) before the backdrop."""
+        return _thread.submit(self._draw, x, camera, backdrop).result()
+
+    def _draw(self, x: np.ndarray, camera: Camera, backdrop: Image.Image) -> np.ndarray:
         polyscope, size = self._polyscope, backdrop.size
         if not _shown or _shown[0] is not self:
             self._register(x)
-            self.draw(x, camera, backdrop)  # the first picture still has traces of the view before it: not taken
+            self._draw(x, camera, backdrop)  # the first picture still has traces of the view before it: not taken
         polyscope.set_window_size(*size)
         for kind, structure in self._structures.items():
             vertices = self._geometry.vertices(kind, x)
