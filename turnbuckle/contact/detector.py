@@ -62,7 +62,7 @@ class Detector:
         if the motion ends close to that.
         """
         reach = self.reach * self.surfaces.delta
-        ahead = towards is not None and float(np.linalg.norm(towards - x0, axis=1).mean()) < SHORT * reach.mean()
+        ahead = towards is not None and float(np.linalg.norm(towards - x0, axis=1).sum()) < SHORT * reach.sum()
         pairs = self.broad.candidates(x0, towards if ahead else x0, reach)  # type: ignore[arg-type]
         self._ahead = (x0, towards, pairs) if ahead else None
         if pairs.count == 0:
