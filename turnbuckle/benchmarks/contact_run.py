@@ -9,6 +9,7 @@ import numpy as np
 import turnbuckle
 from turnbuckle.benchmarks.contact_referee import Referee
 from turnbuckle.data.report import StepReport
+from turnbuckle.data.rigid import DYNAMIC
 
 
 @dataclass
@@ -87,7 +88,8 @@ def follow(
             break
     run.judged, run.crossing = referee.judged, referee.crossing
     moved = np.linalg.norm(simulation.state.positions() - start, axis=1)
-    run.went = float(moved[model.mass > 0.0].mean())
+    carried = np.append(model.rigid.motion == DYNAMIC, False)[model.body_of]  # -1: no body
+    run.went = float(moved[(model.mass > 0.0) | carried].mean())
     return run
 
 

@@ -41,7 +41,7 @@ WINDOWS = {
     "local_global": Window({}, (0.03, 0.01, 2.5e-3), 1.0),
     "hung_and_hit": Window({"cells": 12}, (0.01, 5e-3, 2.5e-3), 1.2),
     "monocycle": Window({"contact": True}, (1 / 60, 1 / 120, 1 / 240), 1.0),
-    "otary": Window({"contact": True, "soft": False}, (1 / 60, 1 / 120, 1 / 240), 0.8),
+    "otary": Window({"contact": True, "soft": False}, (1 / 120, 1 / 240, 1 / 480), 0.4),
 }
 
 

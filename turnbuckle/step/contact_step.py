@@ -148,7 +148,7 @@ class ContactStepper:
         if refined.clear and (attempt.closing.good or depth == 0):
             return self._commit(attempt, refined)
         if depth == 0:
-            return self._last_resort(attempt, refined)
+            return self._last_resort(attempt, refined, pushable)
         return self._halved(attempt, h, depth)
 
     def _refined(self, contacts: Contacts, attempt: Attempt, pushable: Pushable) -> Refined:
@@ -164,7 +164,7 @@ class ContactStepper:
             found, left = self.detector.without_ghosts(found, left)
             return pushable.of(first_met(found))
 
-        return refine(contacts, attempt.solve, attempt.crossed, self.options.rounds, choose)
+        return refine(contacts, attempt.solve, pushable.crossed, self.options.rounds, choose)
 
     def _halved(self, attempt: Attempt, h: float, depth: int) -> StepReport:
         """Two halves instead of an attempt."""
@@ -177,14 +177,14 @@ class ContactStepper:
         second = self._advance(0.5 * h, depth - 1)
         return second if second.status == "failed" else merge_reports(first, second)
 
-    def _last_resort(self, attempt: Attempt, refined: Refined) -> StepReport:
+    def _last_resort(self, attempt: Attempt, refined: Refined, pushable: Pushable) -> StepReport:
         """Move whatever still crosses rigidly."""
         dynamics = self.dynamics
         attempt.rough = False  # zones take the motion as it is: nothing is solved again
         with self.timed("zones"):
             zones = Zones(dynamics.nodes(attempt.a, attempt.prescribed), attempt.closing.e)
             v, crossed = clear_with_zones(
-                zones, refined.crossed, attempt.v, attempt.moved, attempt.crossed, self.surfaces, dynamics.block_of
+                zones, refined.crossed, attempt.v, attempt.moved, pushable.crossed, self.surfaces, dynamics.block_of
             )
         if v is None and self._may_wait():
             return self._wait(attempt, crossed)
