@@ -13,7 +13,7 @@ from turnbuckle.data.contact import VERTEX_FACE, Contacts, Surfaces
 
 NOISE = 1e-6  # of a cosine
 BORDER = 1e-9  # weights below this are at the border
-NEARLY = 0.25  # [rad]
+NEARLY = 0.05  # [rad] less than for what lies: what is needed besides is found in the next round
 TINY = 1e-20
 
 OK, NEAR, BLUNT, SHEET = 1, 2, 4, 8  # of a place: at a minimum, nearly so, and flat all around, has faces
