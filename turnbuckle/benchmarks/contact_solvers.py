@@ -50,7 +50,7 @@ class PaperSolver:
         velocity: np.ndarray | None,
         tolerance: float,
         max_iterations: int,
-        same: bool = False,
+        known: int | None = None,
     ) -> ContactSolution:
         """As `NewtonSolver.solve`."""
         before, load = self._asked  # a later round of the same step asks with the same; v is that of the round before

@@ -14,7 +14,7 @@ from turnbuckle.contact.repeats import first_of_each
 from turnbuckle.data.contact import VERTEX_FACE, Contacts, Pairs, Surfaces
 
 REACH = 1.5  # of delta: pairs nearer than this are rows from the start
-KEPT = 0.5  # of delta: the distance that continuous collision detection certifies
+KEPT = 0.35  # of delta: the distance that continuous collision detection certifies; contacts rest at 0.6 and above
 PARALLEL = 8_000  # vertices below which threads lose more at their meetings than they save
 SHORT = 4.0  # of the reach: one search for what is near and for what is on the way pays where motions are shorter
 FLAT = 0.25  # [rad] edges whose faces turn by less are inside of a face
@@ -85,7 +85,7 @@ class Detector:
         what crosses inside. And the edges inside of a flat face meet nothing that its vertices, those of the other side
         and outlines do not; no more do ghosts. Whatever is left out and still in the way is found in the next round.
         """
-        found, _ = self.without_ghosts(found)
+        found = self.without_ghosts(found)
         face = found.kind == VERTEX_FACE
         normals, vertex_normals = self._outwards(x0)
         outside = np.ones(found.count, dtype=bool)
@@ -107,27 +107,16 @@ class Detector:
                 return first_met(found.part(kept))
         return first_met(found)
 
-    def without_ghosts(self, found: Contacts, left: np.ndarray | None = None) -> tuple[Contacts, np.ndarray]:
-        """Of what the last motion crosses, each place once and no ghost (`ghosts`); and the ghosts that were ever left out.
-
-        Those in ``left`` are not left out a second time, and nothing is where all are ghosts: so refinement ends.
-        """
-        left = np.zeros(0, dtype=np.int64) if left is None else left
-        if found.count < 2:
-            return found, left
+    def without_ghosts(self, found: Contacts) -> Contacts:
+        """Of what the last motion crosses, each place once, and what is no ghost (`ghosts`); all, where all are."""
         found = _each_place_once(found)
-        s = self.surfaces
-        span = max(len(s.faces), len(s.edges), s.vertices)
-        key = ((found.kind != VERTEX_FACE) * span + found.a.astype(np.int64)) * span + found.b
-        ghost = self._ghosts.find(found, *self._way) & ~np.isin(key, left)
-        if ghost.all():
-            return found, left
-        return found.part(~ghost), np.concatenate([left, key[ghost]])
+        ghost = self._ghosts.find(found, *self._way)
+        return found if ghost.all() else found.part(~ghost)
 
     def _nearest_at_start(self, contacts: Contacts, early: np.ndarray) -> np.ndarray:
         """What is asked of pairs that are too near at the start, least over those that share a vertex with a contact (m,).
 
-        Else what lies at 0.4 delta on one triangle would run into the border of the next, which keeps 0.5 delta.
+        Else what lies so near on one triangle would run into the border of the next, which keeps more.
         """
         least = np.full(self.surfaces.vertices, np.inf)
         used = contacts.coefficients[early] != 0.0

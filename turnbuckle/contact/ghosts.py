@@ -2,8 +2,8 @@
 
 The conditions are those for pairs that are near at the start, asked of the surfaces as they are at each contact's own time
 of impact. A ghost has a neighbour that is nearer at that time, and most often is found with it. Nothing is ever certified by
-this: continuous collision detection decides what a step crosses, and a pair that is found again in the same step becomes a
-row, ghost or not (`Detector.crossed`).
+this: continuous collision detection decides what a step crosses, and what is still in the way in a later round of the same
+step becomes a row, ghost or not.
 """
 
 import numpy as np

@@ -38,7 +38,17 @@ class Surfaces:
 
     def positions(self, x: np.ndarray) -> np.ndarray:
         """Vertices (s, 3) [m] for positions ``x`` (points, 3) of the points of the state."""
-        return np.einsum("sk,skd->sd", self.weights, x[self.support])
+        shape = (len(self.support), int(self.support.max(initial=-1)) + 1)
+        return self._carriers(shape) @ x[: shape[1]]
+
+    def _carriers(self, shape: tuple[int, int]) -> sp.csr_array:
+        """The weights as a sparse matrix, made once."""
+        made = self.__dict__.get("_matrix")
+        if made is None:
+            starts = np.arange(0, 4 * shape[0] + 1, 4)
+            made = sp.csr_array((self.weights.ravel(), self.support.ravel(), starts), shape=shape)
+            self.__dict__["_matrix"] = made
+        return made
 
 
 @dataclass

@@ -66,7 +66,7 @@ class Attempt:
         pace = min(max(fastest / (FAST * scale), REST), 1.0) if scale > 0.0 else 1.0
         self.tolerance = max(model.contact.tolerance * scale * pace, LEAST)
         self.iterations: dict[str, int] = {}
-        self.same_system = False  # A and loads are those of the last solve
+        self.solved_rows: int | None = None  # of the last solve, where A and loads are the same still
         self.slack = 2.0 * ROUGH * self.tolerance * h  # by which later rounds of a step may end elsewhere
         self.free: np.ndarray | None = None
         self.limits = Limits(self)
@@ -91,7 +91,7 @@ class Attempt:
         with self.stepper.timed("forces"):
             if not self.stepper.dynamics_of.again(self):
                 return False
-        self.free, self.closing.v0, self.same_system = None, self.base, False
+        self.free, self.closing.v0, self.solved_rows = None, self.base, None
         return True
 
     def solve(self, contacts: Contacts) -> np.ndarray | None:
@@ -259,9 +259,9 @@ class Attempt:
             self.v = np.where(self.prescribed.fixed[:, None], self.base, self.base + pushed)
         if options.solver == "newton" and options.friction_shape == "cone":
             tolerance = self.tolerance * (ROUGH if self.rough else 1.0)
-            same = self.solution is not None and problem.j is self.problem.j and problem.e is None and self.same_system
-            self.same_system = True
-            found = stepper.solver.solve(problem, start, self.v.ravel(), tolerance, options.max_iterations, same)
+            plain = problem.j is self.rows and problem.e is None  # contacts alone, those of earlier rounds first
+            known, self.solved_rows = self.solved_rows if plain else None, problem.count if plain else None
+            found = stepper.solver.solve(problem, start, self.v.ravel(), tolerance, options.max_iterations, known)
             if found.converged or problem.count > FEW or len(problem.free) > 30 * FEW:
                 return found
             given = self._with_free(problem)

@@ -38,7 +38,7 @@ def contact_conditions(problem: ContactProblem, velocity: np.ndarray, impulse: n
 def inverse_masses(problem: ContactProblem) -> np.ndarray:
     """w of each contact (m,) [1/kg]."""
     a, j = problem.a, problem.j
-    local = np.linalg.inv(diagonal_blocks(a.data, a.indptr, a.indices))
+    local = _inverses(diagonal_blocks(a.data, a.indptr, a.indices))
     if problem.fixed is not None:
         local[problem.fixed] = 0.0
     here = j.data
@@ -48,3 +48,9 @@ def inverse_masses(problem: ContactProblem) -> np.ndarray:
     full = np.diff(j.indptr) > 0
     out[full] = np.add.reduceat(spread, starts[full]) if full.any() else 0.0
     return out / 3.0
+
+
+def _inverses(a: np.ndarray) -> np.ndarray:
+    """Of matrices (n, 3, 3), by cofactors."""
+    adjugate = np.stack([np.cross(a[:, 1], a[:, 2]), np.cross(a[:, 2], a[:, 0]), np.cross(a[:, 0], a[:, 1])], axis=2)
+    return adjugate / np.einsum("ni,ni->n", a[:, 0], adjugate[:, :, 0])[:, None, None]

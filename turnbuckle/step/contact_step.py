@@ -153,16 +153,10 @@ class ContactStepper:
 
     def _refined(self, contacts: Contacts, attempt: Attempt, pushable: Pushable) -> Refined:
         """Refinement of an attempt; the first rows for crossings are those that say most."""
-        left: np.ndarray | None = None
-        looked = False
+        looks = iter((lambda found: self.detector.chosen(found, attempt.s0),))
 
         def choose(found: Contacts) -> Contacts:
-            nonlocal left, looked
-            first, looked = not looked, True
-            if first:
-                return pushable.of(self.detector.chosen(found, attempt.s0))
-            found, left = self.detector.without_ghosts(found, left)
-            return pushable.of(first_met(found))
+            return pushable.of(next(looks, first_met)(found))
 
         return refine(contacts, attempt.solve, pushable.crossed, self.options.rounds, choose)
 

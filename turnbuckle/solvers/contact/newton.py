@@ -88,17 +88,22 @@ class NewtonSolver:
         velocity: np.ndarray | None = None,
         tolerance: float = 1e-8,
         max_iterations: int = 200,
-        same: bool = False,
+        known: int | None = None,
     ) -> ContactSolution:
         """Velocities and impulses; ``start`` (m, 3) and ``velocity`` (3 n,) are guesses. Tolerance in m/s.
 
         A guess within the tolerance is improved once all the same: what rests comes to rest over the steps.
-        ``same``: the problem is that of the last call, for another tolerance; what was made for it is kept.
+        ``known``: the matrix, loads and the first so many contacts are those of the last call, which were all of it, and
+        what was made for them is kept. Not for problems with equality rows.
         """
         n, m = len(problem.free) // 3, problem.count
         b = self.buffers
-        if not same:
+        if known is None:
             self._take(problem)
+        elif known < m:
+            b.take_rows(problem, self._tiles(n, m))
+            self._record(self._tiles(n, m), self._threads(n, m))
+        b.write("kept", np.array([known or 0], dtype=np.int32))
         guess = np.array(problem.free if velocity is None else velocity, dtype=float).reshape(-1, 3)
         if problem.fixed is not None:
             guess[problem.fixed] = problem.free.reshape(-1, 3)[problem.fixed]
@@ -110,7 +115,7 @@ class NewtonSolver:
         self._run("begin")  # penalties of a last call may have grown
         if self.rows is not None:
             self.rows.meet()
-        split = self._split(m, tolerance, same)
+        split = self._split(m, tolerance, known == m)
         self._run("first_shift")
         newton = updates = cg = 0
         converged, message = False, ""
@@ -150,8 +155,7 @@ class NewtonSolver:
         """Make all that a problem needs but guesses."""
         n, m, b = len(problem.free) // 3, problem.count, self.buffers
         self.rows = None
-        tiles = TILES if max(n, m) > SMALL else 1
-        b.take(problem, tiles)
+        b.take(problem, self._tiles(n, m))
         if problem.e is not None and problem.e.shape[0]:
             self.rows = EqualityRows(problem, b)
         self._find_parts(problem)
@@ -159,7 +163,14 @@ class NewtonSolver:
         b.put("mass", splitting.masses(problem.a, self.drift.label, self.drift.count), wp.float64)
         moving = np.ones(n, dtype=bool) if problem.fixed is None else ~problem.fixed
         self._small = bool((self.apart.astype(bool) | self._single | ~moving).all())
-        self._record(tiles, 1 if self.threads is None and max(n, m) < PARALLEL else self.threads)
+        self._record(self._tiles(n, m), self._threads(n, m))
+
+    @staticmethod
+    def _tiles(n: int, m: int) -> int:
+        return TILES if max(n, m) > SMALL else 1
+
+    def _threads(self, n: int, m: int) -> int | None:
+        return 1 if self.threads is None and max(n, m) < PARALLEL else self.threads
 
     def _evaluate(self) -> Errors:
         self._run("evaluate")
@@ -193,6 +204,8 @@ class NewtonSolver:
             if self._evaluate().worst <= tolerance:
                 break
             b.write("r", b.read("multiplier", m))
+            if batches % splitting.PATIENCE:
+                continue
             self._run("stiffen")
             self._unsplit = bool(host(b.sums).any())
             if batches < splitting.LIMIT and self._unsplit:

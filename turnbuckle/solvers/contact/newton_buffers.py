@@ -22,6 +22,7 @@ class Buffers:
         self.sizes = wp.zeros(2, dtype=int, device=device)
         self.scalars = wp.zeros(SCALARS, dtype=real, device=device)
         self.scale = wp.zeros(1, dtype=real, device=device)
+        self.kept = wp.zeros(1, dtype=int, device=device)
         self.goal = wp.zeros(1, dtype=real, device=device)
         self.zero = wp.zeros(1, dtype=real, device=device)
         self.length = wp.zeros(1, dtype=real, device=device)
@@ -35,9 +36,7 @@ class Buffers:
 
     def take(self, problem: ContactProblem, tiles: int) -> None:
         """Take over a problem."""
-        a, j = problem.a, problem.j
-        n, m = a.shape[0] // 3, problem.count
-        transposed = sp.csr_array((np.arange(len(j.indices)), j.indices, j.indptr), shape=(m, n)).tocsc()
+        a, n = problem.a, problem.a.shape[0] // 3
         partner = np.full(n, -1, dtype=np.int32)
         partner[problem.pairs] = problem.pairs + 1
         partner[problem.pairs + 1] = problem.pairs
@@ -45,22 +44,28 @@ class Buffers:
         self.put("starts", a.indptr, wp.int32)
         self.put("others", a.indices, wp.int32)
         self.put("a", a.data, wp.mat33d)
+        self.put("partner", partner, wp.int32)
+        self.put("fixed", fixed, wp.uint8)
+        self.put("free", problem.free.reshape(-1, 3), wp.vec3d)
+        self.put("load", (np.zeros((n, 3)) if problem.load is None else problem.load.reshape(-1, 3)), wp.vec3d)
+        for name in ("v", "g", "residual", "z", "p", "q", "dv"):
+            self._room(name, n, wp.vec3d)
+        for name in ("local", "diagonal", "coupled", "m", "n"):
+            self._room(name, n, wp.mat33d)
+        self.take_rows(problem, tiles)
+
+    def take_rows(self, problem: ContactProblem, tiles: int) -> None:
+        """Take over the contacts of a problem whose matrix is here."""
+        j, n, m = problem.j, problem.a.shape[0] // 3, problem.count
+        transposed = sp.csr_array((np.arange(len(j.indices)), j.indices, j.indptr), shape=(m, n)).tocsc()
         self.put("offsets", j.indptr, wp.int32)
         self.put("columns", j.indices, wp.int32)
         self.put("j", j.data, wp.mat33d)
         self.put("t_offsets", transposed.indptr, wp.int32)
         self.put("jt", j.data[transposed.data], wp.mat33d)
         self.put("t_contacts", transposed.indices, wp.int32)
-        self.put("partner", partner, wp.int32)
-        self.put("fixed", fixed, wp.uint8)
-        self.put("free", problem.free.reshape(-1, 3), wp.vec3d)
-        self.put("load", (np.zeros((n, 3)) if problem.load is None else problem.load.reshape(-1, 3)), wp.vec3d)
         self.put("floor", problem.floor, real)
         self.put("mu", problem.friction, real)
-        for name in ("v", "trial", "g", "residual", "z", "p", "q", "dv"):
-            self._room(name, n, wp.vec3d)
-        for name in ("local", "diagonal", "coupled", "m", "n"):
-            self._room(name, n, wp.mat33d)
         for name in ("multiplier", "r", "y", "u", "du", "copy", "push"):
             self._room(name, m, wp.vec3d)
         self._room("d", m, wp.mat33d)

@@ -35,7 +35,8 @@ WEIGHT = 0.7  # R times the estimated compliance of a contact
 RELAX = 1.7
 BATCH = 8  # iterations between two looks at the errors
 LIMIT = 8  # batches
-SLOW = 0.9  # contacts whose u and z come together less in a batch
+SLOW = 0.85  # contacts whose u and z come together less in a batch
+PATIENCE = 2  # batches between two looks at that
 GROWTH = 4.0  # get a larger weight, by this factor
 
 
@@ -49,7 +50,7 @@ def record(
     t, s = tiles, b.sizes
     matrix, transposed = [b.starts, b.others, b.a], [b.t_offsets, b.t_contacts, b.jt]
     contact = [t, s, b.offsets, b.columns, b.j]
-    weights = (own.weights, [*contact, b.local, b.fixed, b.partner, b.mass, WEIGHT, b.weight, b.span], t)
+    weights = (own.weights, [*contact, b.local, b.fixed, b.partner, b.mass, WEIGHT, b.kept, b.weight, b.span], t)
     stiffen = (own.stiffen, [t, s, b.u, b.copy, b.goal, SLOW, GROWTH, b.missed, b.weight, b.sums], t)
     factor = [
         (own.majorant, [t, s, *matrix, *transposed, b.weight, b.span, b.partner, b.diagonal, b.coupled], t),

@@ -18,10 +18,11 @@ def size_of(b: wp.mat33d) -> real:
 def weights(begin: int, tiles: int, sizes: wp.array(dtype=int), offsets: wp.array(dtype=int),
             columns: wp.array(dtype=int), j: wp.array(dtype=wp.mat33d), local: wp.array(dtype=wp.mat33d),
             fixed: wp.array(dtype=wp.uint8), partner: wp.array(dtype=int), mass: wp.array(dtype=real), scale: real,
-            weight_out: wp.array(dtype=real), span_out: wp.array(dtype=real)):  # fmt: skip
+            kept: wp.array(dtype=int), weight_out: wp.array(dtype=real), span_out: wp.array(dtype=real)):  # fmt: skip
     """R of each contact, `scale` over an estimate of its compliance, and the sum of the weights of its blocks.
 
     What gives way is each body as a whole, 1 / m, and the points that carry the contact by themselves, J D_A^-1 J^T.
+    The first ``kept`` contacts keep a weight that has grown.
     """
     tile = begin + wp.tid()
     for c in range(place(tile, tiles, sizes[CONTACTS]), place(tile + 1, tiles, sizes[CONTACTS])):
@@ -35,7 +36,10 @@ def weights(begin: int, tiles: int, sizes: wp.array(dtype=int), offsets: wp.arra
                     size = size_of(j[e])
                     span += size
                     w += size / mass[i]
-        weight_out[c] = scale / wp.max(w, real(1.0e-300))
+        fresh = scale / wp.max(w, real(1.0e-300))
+        if c < kept[0]:
+            fresh = wp.max(fresh, weight_out[c])
+        weight_out[c] = fresh
         span_out[c] = span
 
 
