@@ -1,7 +1,10 @@
 """Operator splitting at the start of the default solver: its law, its majorant, and what it saves."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+import scipy.sparse as sp
 import warp as wp
 from reference.contact_problem import mixed, rigid_pile, soft_stack
 
@@ -107,3 +110,53 @@ def test_a_step_is_as_long_as_is_best() -> None:
     slope = 2.0 * t - 3.0 - np.array([slopes(x)[0] for x in t])
     assert abs(np.interp(found, t, slope)) <= 0.2 * abs(first) + 1e-9
     assert found > 0.5
+
+
+def test_a_problem_that_grows_is_solved_as_if_it_were_new() -> None:
+    """Rows added to a problem that is known: the same answer as from nothing, also after its arrays had to grow."""
+    problem = soft_stack(mu=0.3)
+    m = problem.count
+    few = m // 3
+    j, end = problem.j, problem.j.indptr[few]
+    rows = sp.bsr_array((j.data[:end], j.indices[:end], j.indptr[: few + 1]), shape=(3 * few, j.shape[1]))
+    first = replace(problem, j=rows, floor=problem.floor[:few], friction=problem.friction[:few])
+    solver = NewtonSolver()
+    solver.solve(first, tolerance=1e-6)
+    grown = solver.solve(problem, tolerance=1e-9, max_iterations=2000, known=few)
+    fresh = NewtonSolver().solve(problem, tolerance=1e-9, max_iterations=2000)
+    assert grown.converged and fresh.converged
+    assert contact_residuals(problem, grown.velocity, grown.impulse).worst < 1e-7
+    np.testing.assert_allclose(grown.velocity, fresh.velocity, atol=1e-5)
+    again = solver.solve(problem, grown.impulse, grown.velocity, 1e-6, known=m)
+    np.testing.assert_allclose(again.velocity, grown.velocity, atol=1e-5)
+
+
+def test_what_was_solved_between_is_not_taken_for_known() -> None:
+    problem = rigid_pile(mu=0.3)
+    solver = NewtonSolver()
+    wanted = solver.solve(problem, tolerance=1e-7)
+    none = sp.bsr_array(
+        (np.zeros((0, 3, 3)), np.zeros(0, np.int32), np.zeros(1, np.int32)), shape=(0, len(problem.free))
+    )
+    solver.solve(replace(problem, j=none, floor=np.zeros(0), friction=np.zeros(0)))
+    found = solver.solve(problem, tolerance=1e-7, known=problem.count)
+    assert found.impulse[:, 0].sum() == pytest.approx(wanted.impulse[:, 0].sum(), rel=1e-3)
+
+
+def test_arrays_that_grow_keep_what_is_in_them() -> None:
+    solver = NewtonSolver()
+    buffers = solver.buffers
+    buffers.put("weight", np.arange(5.0) + 1.0, wp.float64)
+    buffers.put("weight", np.full(400, 7.0), wp.float64)
+    buffers.put("other", np.arange(70.0), wp.float64)
+    before = buffers.read("other", 70)
+    buffers._room("other", 5000, wp.float64)
+    np.testing.assert_array_equal(buffers.read("other", 70), before)
+
+
+def test_velocities_that_are_no_numbers_end_at_once() -> None:
+    problem = soft_stack(mu=0.3)
+    problem.free[3] = np.nan
+    found = NewtonSolver().solve(problem, tolerance=1e-6)
+    assert not found.converged and "finite" in found.message
+    assert found.iterations["newton"] <= 1 and found.iterations["cg"] < 500

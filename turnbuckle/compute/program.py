@@ -82,8 +82,12 @@ def default_threads() -> int:
     asked = asked_threads()
     if asked:
         return asked
-    processors = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return min(processors, 8)
+    return min(_processors(), 8)
+
+
+def _processors() -> int:
+    """Those that this process may run on."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def asked_threads() -> int:
@@ -106,7 +110,7 @@ def free_processors() -> int:
             running = int(LOAD.read_text().split()[3].split("/")[0]) - 1  # without us
         except (OSError, ValueError, IndexError):  # not Linux
             running = 0
-        _free[:] = now, max(1, (os.cpu_count() or 1) - max(running, 0))
+        _free[:] = now, max(1, _processors() - max(running, 0))
     return _free[1]
 
 

@@ -63,15 +63,15 @@ def first_met(found: Contacts) -> Contacts:
 def refine(
     contacts: Contacts,
     solve: Callable[[Contacts], np.ndarray | None],
-    crossed: Callable[[np.ndarray], Contacts],
+    crossed: Callable[[np.ndarray], Contacts | None],
     rounds: int = 5,
     choose: Callable[[Contacts], Contacts] = first_met,
 ) -> Refined:
     """Refine ``contacts`` until the motion that ``solve`` answers them with crosses nothing, at most ``rounds`` times.
 
     ``solve(contacts)`` gives positions (s, 3) [m] of the surface vertices at the end of the step, or None where it finds
-    none (refinement ends, not clear); ``crossed(x1)`` what the straight way there comes too near to; ``choose`` which of
-    these become rows, at least one.
+    none (refinement ends, not clear); ``crossed(x1)`` what the straight way there comes too near to, or None where there
+    is no motion after all; ``choose`` which of these become rows, at least one.
     """
     found = no_contacts()
     for n in range(1, rounds + 1):
@@ -79,6 +79,8 @@ def refine(
         if x1 is None:
             return Refined(contacts, contacts, n, False)
         found = crossed(x1)
+        if found is None:
+            return Refined(contacts, contacts, n, False)
         if found.count == 0:
             return Refined(contacts, found, n)
         if n < rounds:

@@ -91,8 +91,12 @@ class Attempt:
         with self.stepper.timed("forces"):
             if not self.stepper.dynamics_of.again(self):
                 return False
-        self.free, self.closing.v0, self.solved_rows = None, self.base, None
+        self.renewed()
         return True
+
+    def renewed(self) -> None:
+        """A, base and loads are others than before: nothing that was made of them holds."""
+        self.free, self.closing.v0, self.solved_rows = None, self.base, None
 
     def solve(self, contacts: Contacts) -> np.ndarray | None:
         """Velocities under these contacts; positions of surface vertices at the end of the step."""
@@ -154,8 +158,11 @@ class Attempt:
     def _motion(self) -> Motion:
         return Motion(self.v, self.x1, self.bx1, self.q1)
 
-    def crossed(self, s1: np.ndarray) -> Contacts:
-        """What the way to ``s1`` comes too near to; a way that is clear by a rough solution is solved in full first."""
+    def crossed(self, s1: np.ndarray) -> Contacts | None:
+        """What the way to ``s1`` comes too near to; a way that is clear by a rough solution is solved in full first.
+
+        None where that solve finds nothing.
+        """
         with self.stepper.timed("ccd"):
             found = self.stepper.detector.crossed(self.s0, s1, self.slack if self.rough else 0.0)
         if self.stepper.opening is not None:
@@ -165,7 +172,7 @@ class Attempt:
             return found
         self.rough = False
         full = self.solve(self.solved)
-        return self.solved if full is None else self.crossed(full)
+        return None if full is None else self.crossed(full)
 
     def touching(self) -> np.ndarray:
         """Which rows of the last solution push, or are at what they ask for (m,) bool."""

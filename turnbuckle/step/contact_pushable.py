@@ -36,15 +36,21 @@ class Pushable:
         free = self._free(contacts)
         return contacts if free.all() else contacts.part(free)
 
-    def crossed(self, s1: np.ndarray) -> Contacts:
-        """What the way to ``s1`` crosses: of what is prescribed only what comes nearer than a trace of delta."""
+    def crossed(self, s1: np.ndarray) -> Contacts | None:
+        """What the way to ``s1`` crosses: of what is prescribed only what comes nearer than a trace of delta.
+
+        None as in `Attempt.crossed`, which may have made another motion of the rough one: that is the one to walk along.
+        """
         attempt = self.attempt
-        found = self._in_the_way(attempt.crossed(s1), s1)
+        found = attempt.crossed(s1)
+        if found is None:
+            return None
+        found = self._in_the_way(found, attempt.stepper.surfaces.positions(attempt.x1))
         if found.count or not attempt.rough:
             return found
         attempt.rough = False  # nothing is left that a later round could add: solve in full
         full = attempt.solve(attempt.solved)
-        return attempt.solved if full is None else self.crossed(full)
+        return None if full is None else self.crossed(full)
 
     def _free(self, contacts: Contacts) -> np.ndarray:
         return ((contacts.coefficients != 0.0) & ~self.held[contacts.vertices]).any(axis=1)

@@ -134,11 +134,13 @@ class Newmark(ContactScheme):
         for k in range(max(TRAPEZOID, self.iterations)):
             if k > 0:
                 self.again(attempt)
+                attempt.renewed()
             if attempt.solve(no_contacts()) is None:
                 return False
         attempt.rough = rough
         self.free, self.q = attempt.v.copy(), attempt.q1.copy()
         self.again(attempt)
+        attempt.renewed()
         return True
 
     def again(self, attempt: "Attempt") -> bool:

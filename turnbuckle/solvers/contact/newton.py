@@ -46,6 +46,7 @@ PARALLEL = 8_000  # blocks and contacts below which threads lose more at their m
 SLOW = 0.5  # contacts that gain less from an update of multipliers
 GROWTH = 2.0  # get a larger penalty, by this factor
 AGAIN = 3  # Newton steps between two factorisations of small bodies, which hold what their contacts add to the diagonal
+LOST = 1e299  # [m/s] errors of velocities that are no numbers
 EXACT = 1e-3  # of the tolerance: a start that misses by less needs no step; others get one, so that rest becomes exact
 
 
@@ -79,6 +80,7 @@ class NewtonSolver:
         self.rows: EqualityRows | None = None
         self.factors: SkylineFactors | None = None
         self._parts_of: tuple = ()
+        self._count = -1  # contacts of the last problem
         self._unsplit = False  # what is factored is not the K of splitting any more
 
     def solve(
@@ -95,14 +97,17 @@ class NewtonSolver:
         A guess within the tolerance is improved once all the same: what rests comes to rest over the steps.
         ``known``: the matrix, loads and the first so many contacts are those of the last call, which were all of it, and
         what was made for them is kept. Not for problems with equality rows.
+        Velocities that are no numbers end it with a message.
         """
         n, m = len(problem.free) // 3, problem.count
         b = self.buffers
-        if known is None:
+        if known is None or known != self._count:
+            known = None
             self._take(problem)
         elif known < m:
             b.take_rows(problem, self._tiles(n, m))
             self._record(self._tiles(n, m), self._threads(n, m))
+        self._count = m
         b.write("kept", np.array([known or 0], dtype=np.int32))
         guess = np.array(problem.free if velocity is None else velocity, dtype=float).reshape(-1, 3)
         if problem.fixed is not None:
@@ -122,6 +127,9 @@ class NewtonSolver:
         errors = self._evaluate()
         exact, again = EXACT * tolerance, 1 if self.factors is None else AGAIN
         for _ in range(max_iterations):
+            if not errors.worst < LOST:
+                message = "velocities are no longer finite numbers"
+                break
             if errors.worst <= tolerance and (newton > 0 or split > 0 or errors.worst <= exact):
                 converged = True
                 break
@@ -139,9 +147,7 @@ class NewtonSolver:
             tries, errors = self._newton_step()
             cg += tries
             newton += 1
-            if not np.isfinite(errors.worst):
-                message = "velocities are no longer finite numbers"
-                break
+        converged |= not message and errors.worst <= tolerance
         equality = np.zeros(0) if self.rows is None else self.rows.impulse
         return ContactSolution(
             velocity=b.read("v", n).ravel(), impulse=b.read("r", m), equality=equality,
@@ -187,7 +193,6 @@ class NewtonSolver:
         if m == 0 or self.rows is not None or not self._small:
             return 0
         b = self.buffers
-        b.write("r", b.read("multiplier", m))
         self._run("first_shift")  # u
         b.write("copy", b.read("u", m))
         if not same:  # weights that have grown stay
@@ -195,23 +200,29 @@ class NewtonSolver:
         if not same or self._unsplit:
             self._run("split")
         self._unsplit = False
-        batches = 0
+        velocity, multiplier, before = b.read("v", self._blocks), b.read("multiplier", m), self._evaluate()
+        b.write("r", multiplier)
+        errors, batches = before, 0
         while batches < splitting.LIMIT:
             self._run("iterations")
             batches += 1
             b.write("multiplier", b.read("r", m))
             self._run("first_shift")
-            if self._evaluate().worst <= tolerance:
+            errors = self._evaluate()
+            if errors.worst <= tolerance or not errors.worst < LOST:
                 break
             b.write("r", b.read("multiplier", m))
             if batches % splitting.PATIENCE:
                 continue
             self._run("stiffen")
-            self._unsplit = bool(host(b.sums).any())
+            self._unsplit = bool(host(b.sums)[: self._tiles(self._blocks, m)].any())
             if batches < splitting.LIMIT and self._unsplit:
                 self._run("split")
                 self._unsplit = False
-        b.write("missed", np.full(m, np.inf))
+        if not errors.worst < before.worst:  # bodies that are too stiff for single precision, say
+            b.write("v", velocity)
+            b.write("multiplier", multiplier)
+        b.write("missed", np.full(m, np.inf))  # Newton's method measures otherwise
         return batches * splitting.BATCH
 
     def _newton_step(self) -> tuple[int, Errors]:

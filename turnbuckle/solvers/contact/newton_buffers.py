@@ -95,6 +95,8 @@ class Buffers:
         array = self._arrays.get(name)
         if array is None or array.shape[0] <= count:  # one more: loops run in four lanes, of which three count
             self._arrays[name] = wp.zeros(max(int(ROOM * count), 64), dtype=kind, device=self.device)
+            if array is not None:  # what is kept must not depend on how large problems were before
+                wp.copy(self._arrays[name], array, count=array.shape[0])
             self.grown += 1
 
     def put(self, name: str, values: np.ndarray, kind: type) -> None:

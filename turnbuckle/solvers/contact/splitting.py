@@ -14,7 +14,7 @@ A contact that has the same compliance in all directions is solved in closed for
 linearised. K adds to the diagonal of A (`splitting_kernels.majorant`), so bodies stay apart from each other, and small
 ones are factored once a problem. Information travels a body an iteration, which is why some dozens of cheap iterations
 bring a heap of bodies to within what Newton's method would need dozens of solves with all bodies for. Convergence is
-linear, and over-relaxed by 1.6.
+linear, and over-relaxed by 1.7.
 """
 
 from collections.abc import Callable

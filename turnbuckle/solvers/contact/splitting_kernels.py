@@ -36,7 +36,7 @@ def weights(begin: int, tiles: int, sizes: wp.array(dtype=int), offsets: wp.arra
                     size = size_of(j[e])
                     span += size
                     w += size / mass[i]
-        fresh = scale / wp.max(w, real(1.0e-300))
+        fresh = scale / wp.max(w, real(1.0e-100))
         if c < kept[0]:
             fresh = wp.max(fresh, weight_out[c])
         weight_out[c] = fresh
