@@ -219,9 +219,11 @@ def test_ctrl_c_leaves_no_process_and_the_same_command_goes_on(tmp_path: Path) -
     hanging(duration=20.0).save(tmp_path / "slow.yaml")
     command = [sys.executable, "-m", "turnbuckle", "sweep", "slow.yaml", "--vary", "bodies.rope.damping=0:1:2"]
     environment = {**os.environ, "PYTHONPATH": str(Path(turnbuckle.__file__).parents[1])}
+    # A shell starts what it sends to the background with Ctrl-C ignored, and children inherit that.
     process = subprocess.Popen(
-        [*command, "--processes", "1"], cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True
-    )
+        [*command, "--processes", "1"], cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )  # fmt: skip
     until = time.monotonic() + 60
     while not (attempts := list(tmp_path.glob("sweep_hanging/runs/*/attempt-*"))) and time.monotonic() < until:
         time.sleep(0.02)
