@@ -111,7 +111,7 @@ class Ccd:
         """Times of the hits ``which`` found again more tightly: a vertex short of a face touches the border of it."""
         if not len(which):
             return time
-        few = Pairs(pairs.kind[which], pairs.a[which], pairs.b[which])
+        few = pairs.part(which)
         apart = separation[which] if len(separation) > 1 else separation
         inputs, apart, _keep = self._inputs(few, x0, x1, apart)
         types = (wp.uint8, wp.float64, wp.float64)

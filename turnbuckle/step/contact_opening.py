@@ -189,7 +189,7 @@ class Opening:
         first = np.arange(4) < np.where(contacts.kind == VERTEX_FACE, 1, 2)[:, None]
         a, b = (wrong & first).any(axis=1), (wrong & ~first).any(axis=1)
         out = np.where(self.near_both[np.maximum(p, 0)], a & b, a | b) & (p >= 0)
-        return Contacts(*(getattr(contacts, name)[~out] for name in Contacts.__dataclass_fields__))
+        return contacts.part(~out)
 
     @property
     def count(self) -> int:

@@ -24,4 +24,4 @@ def pressed_contacts(attempt: "Attempt") -> Contacts:
     missed = (problem.floor[: contacts.count] - normal - attempt.tolerance) * attempt.h
     delta = attempt.stepper.detector.deltas(contacts.kind, contacts.a, contacts.b)
     which = np.flatnonzero(missed > MISSED * delta)
-    return Contacts(*(getattr(contacts, name)[which] for name in Contacts.__dataclass_fields__))
+    return contacts.part(which)

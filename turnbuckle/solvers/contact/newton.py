@@ -166,7 +166,7 @@ class NewtonSolver:
             self.rows = EqualityRows(problem, b)
         self._find_parts(problem)
         b.put("apart", self.apart, wp.uint8)
-        b.put("mass", splitting.masses(problem.a, self.drift.label, self.drift.count), wp.float64)
+        b.put("mass", self.drift.masses, wp.float64)
         moving = np.ones(n, dtype=bool) if problem.fixed is None else ~problem.fixed
         self._small = bool((self.apart.astype(bool) | self._single | ~moving).all())
         self._record(self._tiles(n, m), self._threads(n, m))

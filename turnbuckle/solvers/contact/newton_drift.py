@@ -23,7 +23,7 @@ class Drift:
         self.label, self.count, self._alone = label, count, alone
 
     def take(self, a: sp.bsr_array, fixed: np.ndarray | None) -> None:
-        """Masses of the bodies of A, and the sums over them; those with fixed blocks are not asked."""
+        """Masses of the bodies of A, ``masses`` (n,) [kg] by block, and sums; those with fixed blocks are not asked."""
         alone = self._alone.copy()
         if fixed is not None:
             alone[self.label[fixed]] = True
@@ -34,6 +34,7 @@ class Drift:
         traces = np.einsum("eii->e", a.data) / 3.0
         row = np.add.reduceat(np.append(traces, 0.0), a.indptr[:-1]) * (np.diff(a.indptr) > 0)
         self._mass = self._sums @ row
+        self.masses = np.maximum(np.bincount(self.label, row, minlength=self.count), 1e-300)[self.label]
 
     def largest(self, g: np.ndarray) -> float:
         """Of the mean velocities [m/s] that gradients g (n, 3) [N s] would still give to bodies."""

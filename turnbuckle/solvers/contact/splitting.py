@@ -20,8 +20,6 @@ linear, and over-relaxed by 1.7.
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from turnbuckle.linalg.skyline import factor_parts, solve_parts
 from turnbuckle.solvers.contact import newton_blocks as blocks
 from turnbuckle.solvers.contact import newton_kernels as kernels
@@ -73,10 +71,3 @@ def record(
         "iterations": program(*(iteration * BATCH)),
         "stiffen": program(stiffen),
     }
-
-
-def masses(problem_a, label: np.ndarray, count: int) -> np.ndarray:
-    """Mass (n,) [kg] of the body that each block is of: what A makes of a translation of it."""
-    traces = np.einsum("eii->e", problem_a.data) / 3.0
-    row = np.add.reduceat(np.append(traces, 0.0), problem_a.indptr[:-1]) * (np.diff(problem_a.indptr) > 0)
-    return np.maximum(np.bincount(label, row, minlength=count), 1e-300)[label]
