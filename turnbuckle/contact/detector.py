@@ -8,13 +8,14 @@ import numpy as np
 from turnbuckle.contact.broad import BroadPhase
 from turnbuckle.contact.ccd_pairs import Ccd
 from turnbuckle.contact.ghosts import Ghosts
-from turnbuckle.contact.manifold import first_met, no_contacts
+from turnbuckle.contact.manifold import first_met, joined, no_contacts
 from turnbuckle.contact.proximity import Proximity
 from turnbuckle.contact.repeats import first_of_each
 from turnbuckle.data.contact import VERTEX_FACE, Contacts, Pairs, Surfaces
 
 REACH = 1.5  # of delta: pairs nearer than this are rows from the start
-KEPT = 0.35  # of delta: the distance that continuous collision detection certifies; contacts rest at 0.6 and above
+KEPT = 0.35  # of delta: what comes nearer gets rows, where anything is in the way; contacts rest at 0.6 and above
+CLEAR = 0.2  # of delta: the distance that continuous collision detection certifies; what comes nearer is in the way
 PARALLEL = 8_000  # vertices below which threads lose more at their meetings than they save
 SHORT = 4.0  # of the reach: one search for what is near and for what is on the way pays where motions are shorter
 FLAT = 0.25  # [rad] edges whose faces turn by less are inside of a face
@@ -83,9 +84,11 @@ class Detector:
 
         A motion that leads through a body meets its front, then its back from inside, and a row for the back would hold
         what crosses inside. And the edges inside of a flat face meet nothing that its vertices, those of the other side
-        and outlines do not; no more do ghosts. Whatever is left out and still in the way is found in the next round.
+        and outlines do not; no more do ghosts. But what shares no vertex with anything that is chosen is there for itself
+        (in a sharp fold the distance is least where both sides are one), so is what has been near since the start, and
+        whatever else is left out and still in the way is found in the next round.
         """
-        found = self.without_ghosts(found)
+        found = _each_place_once(found)
         face = found.kind == VERTEX_FACE
         normals, vertex_normals = self._outwards(x0)
         outside = np.ones(found.count, dtype=bool)
@@ -102,10 +105,12 @@ class Detector:
             out = sign * _dot(n, one + two)
             outside[~face] &= ~(self._closed[self.surfaces.edges[edge, 0]] & (out > 0.0))
             flat[~face] |= both & (_dot(one, two) > math.cos(FLAT))
-        for kept in (outside & ~flat, outside):
-            if kept.any():
-                return first_met(found.part(kept))
-        return first_met(found)
+        kept = outside & ~flat & ~self._ghosts.find(found, *self._way)
+        held = np.zeros(self.surfaces.vertices, dtype=bool)
+        held[found.vertices[kept]] = True
+        kept |= ~held[found.vertices].any(axis=1)
+        near = outside & (found.distance < self.reach * self.deltas(found.kind, found.a, found.b))
+        return joined(found.part(near), first_met(found.part(kept & ~near)))
 
     def without_ghosts(self, found: Contacts) -> Contacts:
         """Of what the last motion crosses, each place once, and what is no ghost (`ghosts`); all, where all are."""
@@ -133,9 +138,11 @@ class Detector:
         sums = [np.bincount(faces.ravel(), np.repeat(normal[:, k], 3), minlength=count) for k in range(3)]
         return np.concatenate([normal, np.zeros((1, 3))]), np.stack(sums, axis=1)
 
-    def crossed(self, x0: np.ndarray, x1: np.ndarray, slack: float = 0.0) -> Contacts:
+    def crossed(self, x0: np.ndarray, x1: np.ndarray, slack: float = 0.0, clear: float = CLEAR) -> Contacts:
         """Contacts of pairs that come too near on the straight way from ``x0`` to ``x1``.
 
+        Where any comes nearer than ``clear`` of delta, these are all that come nearer than `KEPT` of it: rows leave more
+        room than a way needs, so that what they push aside is not in the way of the next.
         ``slack`` [m]: a later call from the same ``x0`` whose ends are within this of ``x1`` looks again only at pairs
         that the difference may bring too near.
         """
@@ -168,6 +175,12 @@ class Detector:
             again, _ = self.ccd.first_impacts(few.part(hit[anew]), x0, x1, ask[anew])
             contacts = _joined_in_order(contacts, ~anew, again)
             gap = self.ccd.walk(few, x0, x1, 0.0).smallest_gap if contacts.count == 0 else gap
+        if contacts.count:
+            hits = Pairs(contacts.kind, contacts.a, contacts.b)
+            least = np.minimum(clear * self.deltas(hits.kind, hits.a, hits.b), START * contacts.distance)
+            closer = self.ccd.walk(hits, x0, x1, least)
+            if not closer.hit.any():
+                contacts, gap = no_contacts(), min(gap, closer.smallest_gap)
         rest = np.delete(known.gap, which) if len(which) < known.pairs.count else np.zeros(0)
         self.smallest_gap = min(gap, float(rest.min(initial=np.inf)))
         return contacts

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy.sparse as sp
 
+from turnbuckle.contact.detector import KEPT
 from turnbuckle.contact.manifold import no_contacts
 from turnbuckle.data.contact import ContactProblem, Contacts, ContactSolution
 from turnbuckle.solvers.contact.anticipation import solve_anticipation
@@ -195,7 +196,7 @@ class Attempt:
             return no_contacts()
         stepper = self.stepper
         with stepper.timed("ccd"):
-            crossed = stepper.detector.crossed(self.s0, self.moved(self.v0.copy()))
+            crossed = stepper.detector.crossed(self.s0, self.moved(self.v0.copy()), clear=KEPT)
             if stepper.opening is not None:
                 crossed = stepper.opening.without(crossed)
             stepper.state.contact_found |= crossed.count > 0

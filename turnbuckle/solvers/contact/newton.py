@@ -27,23 +27,24 @@ from turnbuckle.compute import Program, host
 from turnbuckle.data.contact import ContactProblem, ContactSolution
 from turnbuckle.linalg.skyline import SkylineFactors, factor_parts, find_parts, solve_parts
 from turnbuckle.solvers.contact import newton_blocks as blocks
-from turnbuckle.solvers.contact import newton_gradients as cg_kernels
+from turnbuckle.solvers.contact import newton_gradients as gradients
 from turnbuckle.solvers.contact import newton_kernels as kernels
 from turnbuckle.solvers.contact import splitting
 from turnbuckle.solvers.contact.newton_buffers import Buffers
 from turnbuckle.solvers.contact.newton_drift import Drift
 from turnbuckle.solvers.contact.newton_equality import EqualityRows
+from turnbuckle.solvers.contact.newton_region import KEPT, MOST, NOTABLE, SETTLED, region, unsettled
 from turnbuckle.solvers.contact.newton_search import along, best_length, slopes
 
 SCALE = 2.0, 0.3  # rho times the compliance of a contact by itself; where small bodies are factored
-GATE = 3.0  # multipliers are updated once the gradient is below this times what they miss by
-FORCING = 0.3, 0.2  # part of the gradient that conjugate gradients may leave; the same
+GATE = 1.5  # multipliers are updated once the gradient is below this times what they miss by
+FORCING = 0.2, 0.2  # part of the gradient that conjugate gradients may leave; the same
 BATCH = 8  # iterations of conjugate gradients between two looks at the result
 CG_LIMIT = 200.0
 TILES = 64
 SMALL = 500  # blocks and contacts below which one thread does all
 PARALLEL = 8_000  # blocks and contacts below which threads lose more at their meetings than they save
-SLOW = 0.5  # contacts that gain less from an update of multipliers
+SLOW = 0.7  # contacts that gain less from an update of multipliers
 GROWTH = 2.0  # get a larger penalty, by this factor
 AGAIN = 3  # Newton steps between two factorisations of small bodies, which hold what their contacts add to the diagonal
 LOST = 1e299  # [m/s] errors of velocities that are no numbers
@@ -134,17 +135,17 @@ class NewtonSolver:
                 converged = True
                 break
             if errors.gradient <= max(GATE * errors.multipliers, exact):
-                self._run("update")
+                errors = self._update(KEPT * tolerance if updates else 0.0)
                 updates += 1
-                errors = self._evaluate()
-            if errors.gradient <= exact:
+            if errors.gradient <= (SETTLED * tolerance if newton else exact):
                 continue
+            part = "some " if newton and self._region(errors.gradient, tolerance) else ""
             if self.rows is None and newton % again == 0:
-                self._run("blocks")
+                self._run(part + "blocks")
             if self.factors is not None and newton % again == 0:
                 self._run("factor")
             self._unsplit = True  # factors are those of Newton's method now
-            tries, errors = self._newton_step()
+            tries, errors = self._newton_step(part)
             cg += tries
             newton += 1
         converged |= not message and errors.worst <= tolerance
@@ -178,14 +179,33 @@ class NewtonSolver:
     def _threads(self, n: int, m: int) -> int | None:
         return 1 if self.threads is None and max(n, m) < PARALLEL else self.threads
 
-    def _evaluate(self) -> Errors:
-        self._run("evaluate")
+    def _region(self, gradient: float, tolerance: float) -> bool:
+        """Find the blocks that the next step is to move; False where that are all."""
+        if self.rows is not None or self.factors is not None or self._drifts:
+            return False
+        self.buffers.write("least", np.array([max(NOTABLE * gradient, SETTLED * tolerance)]))
+        self._run("region")
+        return bool(host(self.buffers.sizes)[kernels.SOME] <= MOST * self._blocks)
+
+    def _update(self, least: float) -> Errors:
+        """Update the multipliers and shifts that miss by more than ``least`` [m/s]."""
+        part = "some " if self.rows is None else ""
+        if part:
+            self.buffers.write("least", np.array([least]))
+            self._run("unsettled")
+        self._run(part + "update")
+        return self._evaluate(part)
+
+    def _evaluate(self, part: str = "") -> Errors:
+        self._run(part + "evaluate")
         values = host(self.buffers.scalars)
         gradient = float(values[kernels.GRADIENT])
         if self.rows is not None:  # their impulses are found with the preconditioner
             self._run("blocks")
             gradient = self.rows.remove()
-        gradient = max(gradient, self.drift.largest(self.buffers.read("g", self._blocks)))
+        drift = self.drift.largest(host(self.buffers.g)[: self._blocks])
+        self._drifts = drift > gradient  # bodies are still to move as a whole
+        gradient = max(gradient, drift)
         return Errors(gradient, float(values[kernels.PRIMAL]), float(values[kernels.SHIFT]))
 
     def _split(self, m: int, tolerance: float, same: bool) -> int:
@@ -225,25 +245,28 @@ class NewtonSolver:
         b.write("missed", np.full(m, np.inf))  # Newton's method measures otherwise
         return batches * splitting.BATCH
 
-    def _newton_step(self) -> tuple[int, Errors]:
-        """One step, as long as is best; iterations of conjugate gradients, and the errors after it."""
-        self._run("newton")
+    def _newton_step(self, part: str) -> tuple[int, Errors]:
+        """One step, as long as is best; iterations of conjugate gradients, and the errors after it.
+
+        ``part``: "" for a step of all blocks, "some " for those of the region.
+        """
+        self._run(part + "newton")
         scalars = host(self.buffers.scalars)
         while scalars[kernels.DONE] == 0.0:
-            self._run("iterate")
+            self._run(part + "iterate")
             scalars = host(self.buffers.scalars)
         tries = int(scalars[kernels.TRIES])
-        self._run("slopes")
-        length = best_length(host(self.buffers.slopes), self._look)
-        self.buffers.write("length", np.array([length]))
-        self._run("move")
-        return tries, self._evaluate()
+        self._run(part + "slopes")
 
-    def _look(self, length: float) -> np.ndarray:
-        """Slopes of the Lagrangian at a part of the step."""
+        def look(length: float) -> np.ndarray:
+            self.buffers.write("length", np.array([length]))
+            self._run(part + "along")
+            return host(self.buffers.slopes)
+
+        length = best_length(host(self.buffers.slopes), look)
         self.buffers.write("length", np.array([length]))
-        self._run("along")
-        return host(self.buffers.slopes)
+        self._run(part + "move")
+        return tries, self._evaluate(part)
 
     def _run(self, name: str) -> None:
         self._programs[name].run()
@@ -271,10 +294,13 @@ class NewtonSolver:
             return
         self._key = key
         b, s = self.buffers, self.buffers.sizes
+        matrix = [b.starts, b.others, b.a]
+        transposed = [b.t_offsets, b.t_contacts, b.jt]
+        law = [b.floor, b.mu, b.rho, b.shift, b.multiplier]
         contact = [tiles, s, b.offsets, b.columns, b.j]
-        grain = 512 if tiles > 1 else 1
+        t, grain = tiles, 512 if tiles > 1 else 1
 
-        def program(*launches: tuple | Callable[[], None]) -> Program:
+        def program(*launches: tuple | Callable[[], None], threads: int | None = threads) -> Program:
             out = Program(self.device, threads)
             for launch in launches:
                 if callable(launch):
@@ -285,49 +311,70 @@ class NewtonSolver:
                 out.barrier()
             return out.finish()
 
-        k, cg, t = kernels, cg_kernels, tiles
-        matrix = [b.starts, b.others, b.a]
-        transposed = [b.t_offsets, b.t_contacts, b.jt]
-        law = [b.floor, b.mu, b.rho, b.shift, b.multiplier]
-        forces = (k.contact_forces, [*contact, b.v, *law, b.u, b.r, b.d, b.errors], t)
-        slope = (k.gradient, [t, s, *matrix, *transposed, b.fixed, b.v, b.free, b.load, b.r, b.local, b.g, b.errors], t)
-        diagonals = (blocks.diagonals, [t, s, *matrix, *transposed, b.d, b.partner, b.diagonal, b.coupled], t)
-        invert = (blocks.invert_blocks, [t, s, b.partner, b.diagonal, b.coupled, b.m, b.n], t)
-        advance = (cg.advance, [t, s, b.scalars, b.pq, b.partner, b.fixed, b.apart, b.m, b.n, b.p, b.q, b.dv, b.residual,
-                                b.z, b.sums], t)  # fmt: skip
         apply: list = []
         factor = []
         if self.factors is not None:
             f, parts = self.factors, self.factors.parts.count
-            apply.append((solve_parts, f.solve_inputs(b.fixed, b.residual, b.z, b.scalars, int(k.DONE)), parts))
+            apply.append((solve_parts, f.solve_inputs(b.fixed, b.residual, b.z, b.scalars, int(kernels.DONE)), parts))
             factor.append((factor_parts, f.factor_inputs(b.starts, b.others, b.a, b.diagonal, b.fixed), parts))
         if self.rows is not None:
             apply.append(lambda: self.rows.project())  # type: ignore[union-attr]
-        penalties = (k.penalties, [*contact, b.local, b.fixed, b.scale, b.rho], t)
-        if apply:  # z is another than that of `advance`
-            apply.append((cg.dot, [t, s, b.residual, b.z, b.sums], t))
-        iteration: list = [
-            (cg.direct, [t, s, b.scalars, b.z, b.p], t),
-            (cg.contact_product, [t, s, b.scalars, b.offsets, b.columns, b.j, b.d, b.p, b.y], t),
-            (cg.product, [t, s, b.scalars, *matrix, *transposed, b.fixed, b.y, b.p, b.q, b.pq], t),
-            advance, *apply, (cg.next_direction, [t, b.sums, CG_LIMIT, b.scalars], 1),
-        ]  # fmt: skip
-        batch = BATCH if self.rows is None else 1
+        forcing, batch = FORCING[self.factors is not None], BATCH if self.rows is None else 1
+
+        def steps(own: list, touched: list, around: list, threads: int | None) -> dict[str, Program]:
+            """What a Newton step runs: on the blocks ``own``, their contacts, and all whose gradient that changes."""
+            blocked, touching = [t, s, *own], [t, s, *touched]
+            advance = (gradients.advance, [*blocked, b.scalars, b.pq, b.partner, b.fixed, b.apart, b.m, b.n, b.p, b.q, b.dv,
+                                    b.residual, b.z, b.sums], t)  # fmt: skip
+            again = [*apply, (gradients.dot, [*blocked, b.residual, b.z, b.sums], t)] if apply else []  # z is another there
+            iteration: list = [
+                (gradients.direct, [*blocked, b.scalars, b.z, b.p], t),
+                (gradients.contact_product, [*touching, b.scalars, b.offsets, b.columns, b.j, b.d, b.p, b.y], t),
+                (gradients.product, [*blocked, b.scalars, *matrix, *transposed, b.fixed, b.y, b.p, b.q, b.pq], t),
+                advance, *again, (gradients.next_direction, [t, b.sums, CG_LIMIT, b.scalars], 1),
+            ]  # fmt: skip
+            begin = (gradients.begin_gradients, [*blocked, b.g, b.residual, b.dv, b.p, b.q, b.pq, b.scalars], t)
+            first = (gradients.first_direction, [t, b.sums, forcing, b.scalars], 1)
+            programs = {
+                "blocks": (
+                    (blocks.diagonals, [*blocked, *matrix, *transposed, b.d, b.partner, b.diagonal, b.coupled], t),
+                    (blocks.invert_blocks, [*blocked, b.partner, b.diagonal, b.coupled, b.m, b.n], t),
+                ),
+                "evaluate": (
+                    (kernels.contact_forces, [*touching, b.offsets, b.columns, b.j, b.v, *law, b.u, b.r, b.d, b.primal,
+                                              b.wrong], t),
+                    (kernels.gradient, [t, s, *around, *matrix, *transposed, b.fixed, b.v, b.free, b.load, b.r, b.local,
+                                        b.g, b.miss], t),
+                    (kernels.largest_errors, [t, s, b.primal, b.wrong, b.miss, b.errors], t),
+                    (kernels.largest, [t, b.errors, b.scalars], 1),
+                ),
+                "newton": (begin, advance, *again, first, *(iteration * batch)),
+                "iterate": tuple(iteration * batch),
+                "slopes": ((slopes, [t, s, own[0], touched[0], own[1], touched[1], b.offsets, b.columns, b.j, b.dv, b.g,
+                                     b.residual, b.r, b.d, b.du, b.slopes], t),),
+                "along": ((along, [*touching, b.length, b.u, b.du, *law, b.slopes], t),),
+                "update": ((kernels.update_multipliers, [*touching, b.u, b.mu, b.r, b.goal, SLOW, GROWTH, b.rho, b.missed,
+                                                         b.shift, b.multiplier], t),),
+                "move": ((kernels.move, [*blocked, b.length, b.v, b.dv, b.p], t),),
+            }  # fmt: skip
+            return {name: program(*launches, threads=threads) for name, launches in programs.items()}
+
+        k = kernels
+        every = [int(k.BLOCKS), b.all]
+        some = steps([int(k.SOME), b.some], [int(k.THEIRS), b.theirs], [int(k.AROUND), b.around], 1)
         self._programs = {
             **splitting.record(b, t, self.factors, program),
-            "begin": program((blocks.local_inverses, [t, s, *matrix, b.local], t), penalties),
+            **steps(every, [int(k.CONTACTS), b.all], every, threads),
+            **{"some " + name: made for name, made in some.items()},
+            "region": program((region, [b.least, b.miss, b.fixed, b.partner, b.starts, b.others, b.t_offsets, b.t_contacts,
+                                        b.offsets, b.columns, b.r, b.block_mark, b.contact_mark, b.some, b.theirs,
+                                        b.around, s], 1)),
+            "begin": program((blocks.local_inverses, [t, s, *matrix, b.local], t),
+                             (k.penalties, [*contact, b.local, b.fixed, b.scale, b.rho], t)),
             "first_shift": program((k.first_shift, [*contact, b.v, b.mu, b.u, b.shift], t)),
-            "blocks": program(diagonals, invert),
             "factor": program(*factor),
-            "evaluate": program(forces, slope, (k.largest, [t, b.errors, b.scalars], 1)),
-            "update": program((k.update_multipliers, [t, s, b.u, b.mu, b.r, b.goal, SLOW, GROWTH, b.rho, b.missed, b.shift,
-                                                      b.multiplier], t)),
-            "newton": program((cg.begin_gradients, [t, s, b.g, b.residual, b.dv, b.p, b.q, b.pq, b.scalars], t), advance,
-                              *apply, (cg.first_direction, [t, b.sums, FORCING[self.factors is not None], b.scalars], 1), *(iteration * batch)),
-            "iterate": program(*(iteration * batch)),
-            "slopes": program((slopes, [*contact, b.dv, b.g, b.residual, b.r, b.d, b.du, b.slopes], t)),
-            "along": program((along, [t, s, b.length, b.u, b.du, *law, b.slopes], t)),
-            "move": program((k.move, [t, s, b.length, b.v, b.dv, b.v], t)),
+            "unsettled": program((unsettled, [b.least, b.primal, b.wrong, b.offsets, b.columns, b.block_mark, b.theirs,
+                                              b.around, s], 1)),
         }  # fmt: skip
 
 

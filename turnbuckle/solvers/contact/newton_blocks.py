@@ -15,7 +15,8 @@ wp.set_module_options({"enable_backward": False})
     const double* aa = (const double*)a.data;
     const double* jj = (const double*)jt.data;
     const double* dd = (const double*)d.data;
-    for (int i = first; i < last; ++i) {
+    for (int t = first; t < last; ++t) {
+        const int i = which.data[t];
         const int other = partner.data[i];
         double h[3][4] = {}, off[3][4] = {};
         for (int e = starts.data[i]; e < starts.data[i + 1]; ++e) {
@@ -46,31 +47,32 @@ wp.set_module_options({"enable_backward": False})
     }
 """
 )
-def diagonals_of(first: int, last: int, starts: wp.array(dtype=int), others: wp.array(dtype=int),
+def diagonals_of(first: int, last: int, which: wp.array(dtype=int), starts: wp.array(dtype=int), others: wp.array(dtype=int),
                  a: wp.array(dtype=wp.mat33d), t_offsets: wp.array(dtype=int), t_contacts: wp.array(dtype=int),
                  jt: wp.array(dtype=wp.mat33d), d: wp.array(dtype=wp.mat33d), partner: wp.array(dtype=int),
                  diagonal_out: wp.array(dtype=wp.mat33d), coupled_out: wp.array(dtype=wp.mat33d)): ...  # fmt: skip
 
 
 @wp.kernel
-def diagonals(begin: int, tiles: int, sizes: wp.array(dtype=int), starts: wp.array(dtype=int), others: wp.array(dtype=int),
+def diagonals(begin: int, tiles: int, sizes: wp.array(dtype=int), of: int, which: wp.array(dtype=int), starts: wp.array(dtype=int), others: wp.array(dtype=int),
               a: wp.array(dtype=wp.mat33d), t_offsets: wp.array(dtype=int), t_contacts: wp.array(dtype=int),
               jt: wp.array(dtype=wp.mat33d), d: wp.array(dtype=wp.mat33d), partner: wp.array(dtype=int),
               diagonal_out: wp.array(dtype=wp.mat33d), coupled_out: wp.array(dtype=wp.mat33d)):  # fmt: skip
     """Blocks of H: on the diagonal, and to the other half of a rigid body."""
     tile = begin + wp.tid()
-    count = sizes[BLOCKS]
-    diagonals_of(place(tile, tiles, count), place(tile + 1, tiles, count), starts, others, a, t_offsets, t_contacts, jt, d,
+    count = sizes[of]
+    diagonals_of(place(tile, tiles, count), place(tile + 1, tiles, count), which, starts, others, a, t_offsets, t_contacts, jt, d,
                  partner, diagonal_out, coupled_out)  # fmt: skip
 
 
 @wp.kernel
-def invert_blocks(begin: int, tiles: int, sizes: wp.array(dtype=int), partner: wp.array(dtype=int),
+def invert_blocks(begin: int, tiles: int, sizes: wp.array(dtype=int), of: int, which: wp.array(dtype=int), partner: wp.array(dtype=int),
                   diagonal: wp.array(dtype=wp.mat33d), coupled: wp.array(dtype=wp.mat33d),
                   m_out: wp.array(dtype=wp.mat33d), n_out: wp.array(dtype=wp.mat33d)):  # fmt: skip
     """The preconditioner M: inverses of blocks, of rigid bodies by the Schur complement of their other half."""
     tile = begin + wp.tid()
-    for i in range(place(tile, tiles, sizes[BLOCKS]), place(tile + 1, tiles, sizes[BLOCKS])):
+    for t in range(place(tile, tiles, sizes[of]), place(tile + 1, tiles, sizes[of])):
+        i = which[t]
         p = partner[i]
         if p < 0:
             m_out[i] = wp.inverse(diagonal[i])

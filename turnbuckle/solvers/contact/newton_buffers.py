@@ -7,7 +7,7 @@ import warp as wp
 from turnbuckle.compute import host
 from turnbuckle.data.contact import ContactProblem
 from turnbuckle.math.types import real
-from turnbuckle.solvers.contact.newton_kernels import SCALARS
+from turnbuckle.solvers.contact.newton_kernels import SCALARS, SIZES
 from turnbuckle.solvers.contact.newton_search import SUMS
 
 ROOM = 1.5  # arrays that turn out too short grow to this part of what is needed
@@ -19,11 +19,12 @@ class Buffers:
     def __init__(self, device: str) -> None:
         self.device = device
         self.grown = 0
-        self.sizes = wp.zeros(2, dtype=int, device=device)
+        self.sizes = wp.zeros(SIZES, dtype=int, device=device)
         self.scalars = wp.zeros(SCALARS, dtype=real, device=device)
         self.scale = wp.zeros(1, dtype=real, device=device)
         self.kept = wp.zeros(1, dtype=int, device=device)
         self.goal = wp.zeros(1, dtype=real, device=device)
+        self.least = wp.zeros(1, dtype=real, device=device)
         self.zero = wp.zeros(1, dtype=real, device=device)
         self.length = wp.zeros(1, dtype=real, device=device)
         self._arrays: dict[str, wp.array] = {}
@@ -52,6 +53,10 @@ class Buffers:
             self._room(name, n, wp.vec3d)
         for name in ("local", "diagonal", "coupled", "m", "n"):
             self._room(name, n, wp.mat33d)
+        self._room("miss", n, real)
+        self._room("block_mark", n, wp.uint8)
+        for name in ("some", "around"):
+            self._room(name, n, wp.int32)
         self.take_rows(problem, tiles)
 
     def take_rows(self, problem: ContactProblem, tiles: int) -> None:
@@ -69,15 +74,19 @@ class Buffers:
         for name in ("multiplier", "r", "y", "u", "du", "copy", "push"):
             self._room(name, m, wp.vec3d)
         self._room("d", m, wp.mat33d)
-        for name in ("rho", "shift", "weight", "span", "missed"):
+        for name in ("rho", "shift", "weight", "span", "missed", "primal", "wrong"):
             self._room(name, m, real)
+        self._room("contact_mark", m, wp.uint8)
+        self._room("theirs", m, wp.int32)
+        if "all" not in self._arrays or self._arrays["all"].shape[0] < max(n, m):
+            self.put("all", np.arange(int(ROOM * max(n, m))), wp.int32)
         self._room("sums", tiles, real)
         self._room("pq", tiles, real)
         for name, rows in (("errors", 3), ("slopes", SUMS)):
             if name not in self._arrays or self._arrays[name].shape[1] != tiles:
                 self._arrays[name] = wp.zeros((rows, tiles), dtype=real, device=self.device)
                 self.grown += 1
-        self.write("sizes", np.array([n, m], dtype=np.int32))
+        self.write("sizes", np.array([n, m], dtype=np.int32))  # the region comes later
 
     def write(self, name: str, values: np.ndarray) -> None:
         """Values into the first places of an array."""

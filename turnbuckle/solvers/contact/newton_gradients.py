@@ -9,8 +9,6 @@ import warp as wp
 from turnbuckle.math.types import real
 from turnbuckle.solvers.contact.newton_kernels import (
     BETA,
-    BLOCKS,
-    CONTACTS,
     DONE,
     GOAL,
     RZ,
@@ -22,15 +20,16 @@ wp.set_module_options({"enable_backward": False})
 
 
 @wp.kernel
-def begin_gradients(begin: int, tiles: int, sizes: wp.array(dtype=int), g: wp.array(dtype=wp.vec3d),
-                    residual_out: wp.array(dtype=wp.vec3d), dv_out: wp.array(dtype=wp.vec3d),
+def begin_gradients(begin: int, tiles: int, sizes: wp.array(dtype=int), of: int, which: wp.array(dtype=int),
+                    g: wp.array(dtype=wp.vec3d), residual_out: wp.array(dtype=wp.vec3d), dv_out: wp.array(dtype=wp.vec3d),
                     p_out: wp.array(dtype=wp.vec3d), q_out: wp.array(dtype=wp.vec3d), pq_out: wp.array(dtype=real),
                     scalars: wp.array(dtype=real)):  # fmt: skip
     """residual = -g; dv, p and q = 0, so that `advance` makes the first z."""
     tile = begin + wp.tid()
     if tile == 0:
         scalars[DONE] = real(0.0)
-    for i in range(place(tile, tiles, sizes[BLOCKS]), place(tile + 1, tiles, sizes[BLOCKS])):
+    for t in range(place(tile, tiles, sizes[of]), place(tile + 1, tiles, sizes[of])):
+        i = which[t]
         residual_out[i] = -g[i]
         dv_out[i] = wp.vec3d()
         p_out[i] = wp.vec3d()
@@ -58,7 +57,8 @@ def first_direction(begin: int, tiles: int, sums: wp.array(dtype=real), forcing:
     const double* dd = (const double*)d.data;
     const double* pp = (const double*)p.data;
     double* yy = (double*)y_out.data;
-    for (int c = first; c < last; ++c) {
+    for (int t = first; t < last; ++t) {
+        const int c = which.data[t];
         const double* m = dd + 9 * (size_t)c;
         double* y = yy + 3 * (size_t)c;
         y[0] = y[1] = y[2] = 0.0;
@@ -74,7 +74,7 @@ def first_direction(begin: int, tiles: int, sums: wp.array(dtype=real), forcing:
     }
 """
 )
-def contact_product_of(first: int, last: int, offsets: wp.array(dtype=int), columns: wp.array(dtype=int),
+def contact_product_of(first: int, last: int, which: wp.array(dtype=int), offsets: wp.array(dtype=int), columns: wp.array(dtype=int),
                        j: wp.array(dtype=wp.mat33d), d: wp.array(dtype=wp.mat33d), p: wp.array(dtype=wp.vec3d),
                        y_out: wp.array(dtype=wp.vec3d)): ...  # fmt: skip
 
@@ -87,7 +87,8 @@ def contact_product_of(first: int, last: int, offsets: wp.array(dtype=int), colu
     const double* yy = (const double*)y.data;
     double* qq = (double*)q_out.data;
     double total = 0.0;
-    for (int i = first; i < last; ++i) {
+    for (int t_ = first; t_ < last; ++t_) {
+        const int i = which.data[t_];
         double* q = qq + 3 * (size_t)i;
         q[0] = q[1] = q[2] = 0.0;
         if (fixed.data[i]) continue;
@@ -112,33 +113,33 @@ def contact_product_of(first: int, last: int, offsets: wp.array(dtype=int), colu
     return total;
 """
 )
-def product_of(first: int, last: int, starts: wp.array(dtype=int), others: wp.array(dtype=int),
+def product_of(first: int, last: int, which: wp.array(dtype=int), starts: wp.array(dtype=int), others: wp.array(dtype=int),
                a: wp.array(dtype=wp.mat33d), t_offsets: wp.array(dtype=int), t_contacts: wp.array(dtype=int),
                jt: wp.array(dtype=wp.mat33d), fixed: wp.array(dtype=wp.uint8), y: wp.array(dtype=wp.vec3d), p: wp.array(dtype=wp.vec3d), q_out: wp.array(dtype=wp.vec3d)) -> wp.float64: ...  # fmt: skip
 
 
 @wp.kernel
-def contact_product(begin: int, tiles: int, sizes: wp.array(dtype=int), scalars: wp.array(dtype=real),
+def contact_product(begin: int, tiles: int, sizes: wp.array(dtype=int), of: int, which: wp.array(dtype=int), scalars: wp.array(dtype=real),
                     offsets: wp.array(dtype=int), columns: wp.array(dtype=int), j: wp.array(dtype=wp.mat33d),
                     d: wp.array(dtype=wp.mat33d), p: wp.array(dtype=wp.vec3d), y_out: wp.array(dtype=wp.vec3d)):  # fmt: skip
     """y = D J p."""
     tile = begin + wp.tid()
     if scalars[DONE] == real(0.0):
-        count = sizes[CONTACTS]
-        contact_product_of(place(tile, tiles, count), place(tile + 1, tiles, count), offsets, columns, j, d, p, y_out)
+        count = sizes[of]
+        contact_product_of(place(tile, tiles, count), place(tile + 1, tiles, count), which, offsets, columns, j, d, p, y_out)
 
 
 @wp.kernel
-def product(begin: int, tiles: int, sizes: wp.array(dtype=int), scalars: wp.array(dtype=real),
+def product(begin: int, tiles: int, sizes: wp.array(dtype=int), of: int, which: wp.array(dtype=int), scalars: wp.array(dtype=real),
             starts: wp.array(dtype=int), others: wp.array(dtype=int), a: wp.array(dtype=wp.mat33d),
             t_offsets: wp.array(dtype=int), t_contacts: wp.array(dtype=int), jt: wp.array(dtype=wp.mat33d), fixed: wp.array(dtype=wp.uint8), y: wp.array(dtype=wp.vec3d),
             p: wp.array(dtype=wp.vec3d), q_out: wp.array(dtype=wp.vec3d), sums_out: wp.array(dtype=real)):  # fmt: skip
     """q = A p + J^T y, and p . q by tiles."""
     tile = begin + wp.tid()
     if scalars[DONE] == real(0.0):
-        count = sizes[BLOCKS]
+        count = sizes[of]
         sums_out[tile] = product_of(
-            place(tile, tiles, count), place(tile + 1, tiles, count), starts, others, a, t_offsets, t_contacts, jt,
+            place(tile, tiles, count), place(tile + 1, tiles, count), which, starts, others, a, t_offsets, t_contacts, jt,
             fixed, y, p, q_out,
         )  # fmt: skip
 
@@ -167,7 +168,8 @@ def next_direction(begin: int, tiles: int, sums: wp.array(dtype=real), limit: re
     const double* mm = (const double*)m.data;
     const double* nn = (const double*)n.data;
     double total = 0.0;
-    for (int i = first; i < last; ++i) {
+    for (int t = first; t < last; ++t) {
+        const int i = which.data[t];
         const int other = partner.data[i];
         if (other >= 0 && other < i) continue;  // done with the first half of its body
         for (int b = i; b <= (other > i ? other : i); ++b) {
@@ -200,14 +202,14 @@ def next_direction(begin: int, tiles: int, sums: wp.array(dtype=real), limit: re
     return total;
 """
 )
-def advance_of(first: int, last: int, alpha: wp.float64, partner: wp.array(dtype=int), fixed: wp.array(dtype=wp.uint8),
+def advance_of(first: int, last: int, which: wp.array(dtype=int), alpha: wp.float64, partner: wp.array(dtype=int), fixed: wp.array(dtype=wp.uint8),
                apart: wp.array(dtype=wp.uint8), m: wp.array(dtype=wp.mat33d), n: wp.array(dtype=wp.mat33d), p: wp.array(dtype=wp.vec3d),
                q: wp.array(dtype=wp.vec3d), dv: wp.array(dtype=wp.vec3d), residual: wp.array(dtype=wp.vec3d),
                z_out: wp.array(dtype=wp.vec3d)) -> wp.float64: ...  # fmt: skip
 
 
 @wp.kernel
-def advance(begin: int, tiles: int, sizes: wp.array(dtype=int), scalars: wp.array(dtype=real),
+def advance(begin: int, tiles: int, sizes: wp.array(dtype=int), of: int, which: wp.array(dtype=int), scalars: wp.array(dtype=real),
             pq: wp.array(dtype=real), partner: wp.array(dtype=int), fixed: wp.array(dtype=wp.uint8),
             apart: wp.array(dtype=wp.uint8), m: wp.array(dtype=wp.mat33d), n: wp.array(dtype=wp.mat33d), p: wp.array(dtype=wp.vec3d),
             q: wp.array(dtype=wp.vec3d), dv: wp.array(dtype=wp.vec3d), residual: wp.array(dtype=wp.vec3d),
@@ -224,8 +226,8 @@ def advance(begin: int, tiles: int, sizes: wp.array(dtype=int), scalars: wp.arra
         alpha = real(0.0)
         if total > real(0.0):
             alpha = scalars[RZ] / total
-        count = sizes[BLOCKS]
-        sums_out[tile] = advance_of(place(tile, tiles, count), place(tile + 1, tiles, count), alpha, partner, fixed, apart,
+        count = sizes[of]
+        sums_out[tile] = advance_of(place(tile, tiles, count), place(tile + 1, tiles, count), which, alpha, partner, fixed, apart,
                                     m, n, p, q, dv, residual, z_out)  # fmt: skip
 
 
@@ -233,20 +235,23 @@ def advance(begin: int, tiles: int, sizes: wp.array(dtype=int), scalars: wp.arra
     """
     const double* zz = (const double*)z.data;
     double* pp = (double*)p.data;
-    for (int k = 3 * first; k < 3 * last; ++k) pp[k] = zz[k] + beta * pp[k];
+    for (int t = first; t < last; ++t) {
+        const size_t i = 3 * (size_t)which.data[t];
+        for (size_t k = i; k < i + 3; ++k) pp[k] = zz[k] + beta * pp[k];
+    }
 """
 )
-def direct_of(first: int, last: int, beta: wp.float64, z: wp.array(dtype=wp.vec3d), p: wp.array(dtype=wp.vec3d)): ...
+def direct_of(first: int, last: int, which: wp.array(dtype=int), beta: wp.float64, z: wp.array(dtype=wp.vec3d), p: wp.array(dtype=wp.vec3d)): ...
 
 
 @wp.kernel
-def direct(begin: int, tiles: int, sizes: wp.array(dtype=int), scalars: wp.array(dtype=real), z: wp.array(dtype=wp.vec3d),
+def direct(begin: int, tiles: int, sizes: wp.array(dtype=int), of: int, which: wp.array(dtype=int), scalars: wp.array(dtype=real), z: wp.array(dtype=wp.vec3d),
            p: wp.array(dtype=wp.vec3d)):  # fmt: skip
     """p = z + beta p."""
     tile = begin + wp.tid()
     if scalars[DONE] == real(0.0):
-        count = sizes[BLOCKS]
-        direct_of(place(tile, tiles, count), place(tile + 1, tiles, count), scalars[BETA], z, p)
+        count = sizes[of]
+        direct_of(place(tile, tiles, count), place(tile + 1, tiles, count), which, scalars[BETA], z, p)
 
 
 @wp.func_native(
@@ -254,17 +259,20 @@ def direct(begin: int, tiles: int, sizes: wp.array(dtype=int), scalars: wp.array
     const double* xx = (const double*)x.data;
     const double* yy = (const double*)y.data;
     double total = 0.0;
-    for (int k = 3 * first; k < 3 * last; ++k) total += xx[k] * yy[k];
+    for (int t = first; t < last; ++t) {
+        const size_t i = 3 * (size_t)which.data[t];
+        for (size_t k = i; k < i + 3; ++k) total += xx[k] * yy[k];
+    }
     return total;
 """
 )
-def dot_of(first: int, last: int, x: wp.array(dtype=wp.vec3d), y: wp.array(dtype=wp.vec3d)) -> wp.float64: ...
+def dot_of(first: int, last: int, which: wp.array(dtype=int), x: wp.array(dtype=wp.vec3d), y: wp.array(dtype=wp.vec3d)) -> wp.float64: ...
 
 
 @wp.kernel
-def dot(begin: int, tiles: int, sizes: wp.array(dtype=int), x: wp.array(dtype=wp.vec3d), y: wp.array(dtype=wp.vec3d),
-        sums_out: wp.array(dtype=real)):  # fmt: skip
+def dot(begin: int, tiles: int, sizes: wp.array(dtype=int), of: int, which: wp.array(dtype=int),
+        x: wp.array(dtype=wp.vec3d), y: wp.array(dtype=wp.vec3d), sums_out: wp.array(dtype=real)):  # fmt: skip
     """x . y by tiles."""
     tile = begin + wp.tid()
-    count = sizes[BLOCKS]
-    sums_out[tile] = dot_of(place(tile, tiles, count), place(tile + 1, tiles, count), x, y)
+    count = sizes[of]
+    sums_out[tile] = dot_of(place(tile, tiles, count), place(tile + 1, tiles, count), which, x, y)

@@ -1,7 +1,8 @@
 """Kernels of the Newton solver: forces of the cone, the gradient of the Lagrangian, multipliers and penalties.
 
-Every kernel works on one *tile*, a contiguous share of the contacts or of the blocks: sums are made tile by tile and
-then in the order of tiles, so that they do not depend on threads. Sizes are read from `sizes` (see the places below).
+Every kernel works on one *tile*, a contiguous share of a list, ``which``, of contacts or of blocks: of all, or of those
+where something is left to do (`newton_region`). Sums are made tile by tile and then in the order of tiles, so that they
+do not depend on threads. The length of the list is read from `sizes`, at the place ``of`` (see below).
 Letters: u = J v relative velocities, s = l - rho (u - floor + shift), r = P_K(s) impulses, D = rho dP/ds.
 
 J is stored twice: by contacts, and its blocks once more in the order of the columns (`jt`), so that both products read
@@ -17,6 +18,10 @@ wp.set_module_options({"enable_backward": False})
 
 BLOCKS = wp.constant(0)  # places in `sizes`
 CONTACTS = wp.constant(1)
+SOME = wp.constant(2)  # blocks of the region
+THEIRS = wp.constant(3)  # contacts of those
+AROUND = wp.constant(4)  # blocks whose gradient the region changes
+SIZES = 5
 
 ALPHA = wp.constant(0)  # places in `scalars`: step length of conjugate gradients
 BETA = wp.constant(1)
@@ -97,31 +102,28 @@ def cone_derivative(s: wp.vec3d, mu: real) -> wp.mat33d:
 
 
 @wp.kernel
-def contact_forces(begin: int, tiles: int, sizes: wp.array(dtype=int), offsets: wp.array(dtype=int),
+def contact_forces(begin: int, tiles: int, sizes: wp.array(dtype=int), of: int, which: wp.array(dtype=int), offsets: wp.array(dtype=int),
                    columns: wp.array(dtype=int), j: wp.array(dtype=wp.mat33d), v: wp.array(dtype=wp.vec3d),
                    floor: wp.array(dtype=real), mu: wp.array(dtype=real), rho: wp.array(dtype=real),
                    shift: wp.array(dtype=real), multiplier: wp.array(dtype=wp.vec3d), u_out: wp.array(dtype=wp.vec3d),
-                   r_out: wp.array(dtype=wp.vec3d), d_out: wp.array(dtype=wp.mat33d), errors_out: wp.array2d(dtype=real)):  # fmt: skip
-    """u, r and D of each contact, and the largest errors of multipliers and shifts in the tile."""
+                   r_out: wp.array(dtype=wp.vec3d), d_out: wp.array(dtype=wp.mat33d), primal_out: wp.array(dtype=real),
+                   wrong_out: wp.array(dtype=real)):  # fmt: skip
+    """u, r and D of each contact, and the errors of its multiplier and of its shift [m/s]."""
     tile = begin + wp.tid()
-    primal = real(0.0)
-    wrong = real(0.0)
-    for c in range(place(tile, tiles, sizes[CONTACTS]), place(tile + 1, tiles, sizes[CONTACTS])):
+    for t in range(place(tile, tiles, sizes[of]), place(tile + 1, tiles, sizes[of])):
+        c = which[t]
         relative_to(c, offsets, columns, j, v, u_out)
         u = u_out[c]
         s = multiplier[c] - rho[c] * wp.vec3d(u[0] - floor[c] + shift[c], u[1], u[2])
         r = on_cone(s, mu[c])
         r_out[c] = r
         d_out[c] = rho[c] * cone_derivative(s, mu[c])
-        primal = wp.max(primal, wp.length(r - multiplier[c]) / rho[c])
-        if r[0] > real(0.0):
-            wrong = wp.max(wrong, wp.abs(shift[c] - mu[c] * slip(u)))
-    errors_out[0, tile] = primal
-    errors_out[1, tile] = wrong
+        primal_out[c] = wp.length(r - multiplier[c]) / rho[c]
+        wrong_out[c] = wp.where(r[0] > real(0.0), wp.abs(shift[c] - mu[c] * slip(u)), real(0.0))
 
 
 @wp.kernel
-def update_multipliers(begin: int, tiles: int, sizes: wp.array(dtype=int), u: wp.array(dtype=wp.vec3d),
+def update_multipliers(begin: int, tiles: int, sizes: wp.array(dtype=int), of: int, which: wp.array(dtype=int), u: wp.array(dtype=wp.vec3d),
                        mu: wp.array(dtype=real), r: wp.array(dtype=wp.vec3d), goal: wp.array(dtype=real), slow: real,
                        growth: real, rho: wp.array(dtype=real), missed: wp.array(dtype=real),
                        shift_out: wp.array(dtype=real), multiplier: wp.array(dtype=wp.vec3d)):  # fmt: skip
@@ -131,7 +133,8 @@ def update_multipliers(begin: int, tiles: int, sizes: wp.array(dtype=int), u: wp
     squeezed between others is far stiffer than it is by itself.
     """
     tile = begin + wp.tid()
-    for c in range(place(tile, tiles, sizes[CONTACTS]), place(tile + 1, tiles, sizes[CONTACTS])):
+    for t in range(place(tile, tiles, sizes[of]), place(tile + 1, tiles, sizes[of])):
+        c = which[t]
         miss = wp.length(r[c] - multiplier[c]) / rho[c]
         if miss > goal[0] and miss > slow * missed[c]:
             rho[c] = growth * rho[c]
@@ -158,8 +161,9 @@ def first_shift(begin: int, tiles: int, sizes: wp.array(dtype=int), offsets: wp.
     const double* rr = (const double*)r.data;
     const double* vv = (const double*)v.data;
     const double* ff = (const double*)free.data;
-    double worst = 0.0;
-    for (int i = first; i < last; ++i) {
+    for (int t_ = first; t_ < last; ++t_) {
+        const int i = which.data[t_];
+        miss_out.data[i] = 0.0;
         double* g = (double*)g_out.data + 3 * (size_t)i;
         g[0] = g[1] = g[2] = 0.0;
         if (fixed.data[i]) continue;
@@ -189,29 +193,54 @@ def first_shift(begin: int, tiles: int, sizes: wp.array(dtype=int), offsets: wp.
             const double u = l[3 * k] * g[0] + l[3 * k + 1] * g[1] + l[3 * k + 2] * g[2];
             square += u * u;
         }
-        if (square > worst || square != square) worst = square;
+        miss_out.data[i] = square < 1e300 ? sqrt(square) : 1e300;
     }
-    return worst < 1e300 ? sqrt(worst) : 1e300;
 """
 )
-def gradient_of(first: int, last: int, starts: wp.array(dtype=int), others: wp.array(dtype=int),
+def gradient_of(first: int, last: int, which: wp.array(dtype=int), starts: wp.array(dtype=int), others: wp.array(dtype=int),
                 a: wp.array(dtype=wp.mat33d), t_offsets: wp.array(dtype=int), t_contacts: wp.array(dtype=int),
                 jt: wp.array(dtype=wp.mat33d), fixed: wp.array(dtype=wp.uint8), v: wp.array(dtype=wp.vec3d),
                 free: wp.array(dtype=wp.vec3d), load: wp.array(dtype=wp.vec3d), r: wp.array(dtype=wp.vec3d),
-                local: wp.array(dtype=wp.mat33d), g_out: wp.array(dtype=wp.vec3d)) -> wp.float64: ...  # fmt: skip
+                local: wp.array(dtype=wp.mat33d), g_out: wp.array(dtype=wp.vec3d), miss_out: wp.array(dtype=real)): ...  # fmt: skip
 
 
 @wp.kernel
-def gradient(begin: int, tiles: int, sizes: wp.array(dtype=int), starts: wp.array(dtype=int), others: wp.array(dtype=int),
-             a: wp.array(dtype=wp.mat33d), t_offsets: wp.array(dtype=int), t_contacts: wp.array(dtype=int),
+def gradient(begin: int, tiles: int, sizes: wp.array(dtype=int), of: int, which: wp.array(dtype=int),
+             starts: wp.array(dtype=int), others: wp.array(dtype=int), a: wp.array(dtype=wp.mat33d), t_offsets: wp.array(dtype=int), t_contacts: wp.array(dtype=int),
              jt: wp.array(dtype=wp.mat33d), fixed: wp.array(dtype=wp.uint8), v: wp.array(dtype=wp.vec3d),
              free: wp.array(dtype=wp.vec3d), load: wp.array(dtype=wp.vec3d), r: wp.array(dtype=wp.vec3d),
-             local: wp.array(dtype=wp.mat33d), g_out: wp.array(dtype=wp.vec3d), errors_out: wp.array2d(dtype=real)):  # fmt: skip
-    """g = A (v - v*) - load - J^T r, and the largest |D_A^-1 g| of the tile."""
+             local: wp.array(dtype=wp.mat33d), g_out: wp.array(dtype=wp.vec3d), miss_out: wp.array(dtype=real)):  # fmt: skip
+    """g = A (v - v*) - load - J^T r, and |D_A^-1 g| [m/s]."""
     tile = begin + wp.tid()
-    count = sizes[BLOCKS]
-    errors_out[2, tile] = gradient_of(place(tile, tiles, count), place(tile + 1, tiles, count), starts, others, a,
-                                      t_offsets, t_contacts, jt, fixed, v, free, load, r, local, g_out)  # fmt: skip
+    count = sizes[of]
+    gradient_of(place(tile, tiles, count), place(tile + 1, tiles, count), which, starts, others, a, t_offsets,
+                t_contacts, jt, fixed, v, free, load, r, local, g_out, miss_out)  # fmt: skip
+
+
+@wp.func_native(
+    """
+    double most[4] = {};
+    int i = first;
+    for (; i + 3 < last; i += 4)
+        for (int k = 0; k < 4; ++k) most[k] = values.data[i + k] > most[k] ? values.data[i + k] : most[k];
+    for (; i < last; ++i) most[0] = values.data[i] > most[0] ? values.data[i] : most[0];
+    const double a = most[0] > most[1] ? most[0] : most[1], b = most[2] > most[3] ? most[2] : most[3];
+    return a > b ? a : b;
+"""
+)
+def most_of(first: int, last: int, values: wp.array(dtype=real)) -> wp.float64: ...
+
+
+@wp.kernel
+def largest_errors(begin: int, tiles: int, sizes: wp.array(dtype=int), primal: wp.array(dtype=real),
+                   wrong: wp.array(dtype=real), miss: wp.array(dtype=real), errors_out: wp.array2d(dtype=real)):  # fmt: skip
+    """The largest errors of all contacts and blocks, by tiles."""
+    tile = begin + wp.tid()
+    m = sizes[CONTACTS]
+    n = sizes[BLOCKS]
+    errors_out[0, tile] = most_of(place(tile, tiles, m), place(tile + 1, tiles, m), primal)
+    errors_out[1, tile] = most_of(place(tile, tiles, m), place(tile + 1, tiles, m), wrong)
+    errors_out[2, tile] = most_of(place(tile, tiles, n), place(tile + 1, tiles, n), miss)
 
 
 @wp.kernel
@@ -230,12 +259,16 @@ def largest(begin: int, tiles: int, errors: wp.array2d(dtype=real), scalars_out:
 
 
 @wp.kernel
-def move(begin: int, tiles: int, sizes: wp.array(dtype=int), length: wp.array(dtype=real), v: wp.array(dtype=wp.vec3d),
-         dv: wp.array(dtype=wp.vec3d), v_out: wp.array(dtype=wp.vec3d)):  # fmt: skip
-    """v_out = v + length dv."""
+def move(begin: int, tiles: int, sizes: wp.array(dtype=int), of: int, which: wp.array(dtype=int),
+         length: wp.array(dtype=real), v: wp.array(dtype=wp.vec3d), dv: wp.array(dtype=wp.vec3d),
+         p: wp.array(dtype=wp.vec3d)):  # fmt: skip
+    """v += length dv; dv and p become zero, as they are outside of the region all the time."""
     tile = begin + wp.tid()
-    for i in range(place(tile, tiles, sizes[BLOCKS]), place(tile + 1, tiles, sizes[BLOCKS])):
-        v_out[i] = v[i] + length[0] * dv[i]
+    for t in range(place(tile, tiles, sizes[of]), place(tile + 1, tiles, sizes[of])):
+        i = which[t]
+        v[i] = v[i] + length[0] * dv[i]
+        dv[i] = wp.vec3d()
+        p[i] = wp.vec3d()
 
 
 @wp.kernel

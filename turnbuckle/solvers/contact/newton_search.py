@@ -14,7 +14,7 @@ import numpy as np
 import warp as wp
 
 from turnbuckle.math.types import real
-from turnbuckle.solvers.contact.newton_kernels import BLOCKS, CONTACTS, cone_derivative, on_cone, place, relative_to
+from turnbuckle.solvers.contact.newton_kernels import cone_derivative, on_cone, place, relative_to
 
 wp.set_module_options({"enable_backward": False})
 
@@ -25,7 +25,8 @@ FAR = 4.0  # times a length, to the next one
 
 
 @wp.kernel
-def slopes(begin: int, tiles: int, sizes: wp.array(dtype=int), offsets: wp.array(dtype=int), columns: wp.array(dtype=int),
+def slopes(begin: int, tiles: int, sizes: wp.array(dtype=int), of_blocks: int, of_contacts: int,
+           which_blocks: wp.array(dtype=int), which: wp.array(dtype=int), offsets: wp.array(dtype=int), columns: wp.array(dtype=int),
            j: wp.array(dtype=wp.mat33d), dv: wp.array(dtype=wp.vec3d), g: wp.array(dtype=wp.vec3d),
            residual: wp.array(dtype=wp.vec3d), r: wp.array(dtype=wp.vec3d), d: wp.array(dtype=wp.mat33d),
            du_out: wp.array(dtype=wp.vec3d), sums_out: wp.array2d(dtype=real)):  # fmt: skip
@@ -33,12 +34,14 @@ def slopes(begin: int, tiles: int, sizes: wp.array(dtype=int), offsets: wp.array
     tile = begin + wp.tid()
     along_g = real(0.0)
     along_e = real(0.0)
-    for i in range(place(tile, tiles, sizes[BLOCKS]), place(tile + 1, tiles, sizes[BLOCKS])):
+    for t in range(place(tile, tiles, sizes[of_blocks]), place(tile + 1, tiles, sizes[of_blocks])):
+        i = which_blocks[t]
         along_g += wp.dot(dv[i], g[i])
         along_e += wp.dot(dv[i], residual[i])
     push = real(0.0)
     bend = real(0.0)
-    for c in range(place(tile, tiles, sizes[CONTACTS]), place(tile + 1, tiles, sizes[CONTACTS])):
+    for t in range(place(tile, tiles, sizes[of_contacts]), place(tile + 1, tiles, sizes[of_contacts])):
+        c = which[t]
         relative_to(c, offsets, columns, j, dv, du_out)
         u = du_out[c]
         push += wp.dot(r[c], u)
@@ -50,14 +53,15 @@ def slopes(begin: int, tiles: int, sizes: wp.array(dtype=int), offsets: wp.array
 
 
 @wp.kernel
-def along(begin: int, tiles: int, sizes: wp.array(dtype=int), length: wp.array(dtype=real), u: wp.array(dtype=wp.vec3d),
+def along(begin: int, tiles: int, sizes: wp.array(dtype=int), of: int, which: wp.array(dtype=int), length: wp.array(dtype=real), u: wp.array(dtype=wp.vec3d),
           du: wp.array(dtype=wp.vec3d), floor: wp.array(dtype=real), mu: wp.array(dtype=real), rho: wp.array(dtype=real),
           shift: wp.array(dtype=real), multiplier: wp.array(dtype=wp.vec3d), sums_out: wp.array2d(dtype=real)):  # fmt: skip
     """By tiles: sum r(t) . du and sum du . D(t) du at ``t = length``."""
     tile = begin + wp.tid()
     push = real(0.0)
     bend = real(0.0)
-    for c in range(place(tile, tiles, sizes[CONTACTS]), place(tile + 1, tiles, sizes[CONTACTS])):
+    for t in range(place(tile, tiles, sizes[of]), place(tile + 1, tiles, sizes[of])):
+        c = which[t]
         w = u[c] + length[0] * du[c]
         s = multiplier[c] - rho[c] * wp.vec3d(w[0] - floor[c] + shift[c], w[1], w[2])
         if mu[c] * wp.sqrt(s[1] * s[1] + s[2] * s[2]) > -s[0]:

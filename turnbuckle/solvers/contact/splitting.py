@@ -52,7 +52,7 @@ def record(
     stiffen = (own.stiffen, [t, s, b.u, b.copy, b.goal, SLOW, GROWTH, b.missed, b.weight, b.sums], t)
     factor = [
         (own.majorant, [t, s, *matrix, *transposed, b.weight, b.span, b.partner, b.diagonal, b.coupled], t),
-        (blocks.invert_blocks, [t, s, b.partner, b.diagonal, b.coupled, b.m, b.n], t),
+        (blocks.invert_blocks, [t, s, int(kernels.BLOCKS), b.all, b.partner, b.diagonal, b.coupled, b.m, b.n], t),
     ]
     solve = []
     if factors is not None:
@@ -61,7 +61,8 @@ def record(
         solve.append((solve_parts, factors.solve_inputs(b.fixed, b.g, b.z, b.zero), parts))
     iteration = [
         (own.contact_step, [*contact, b.v, b.floor, b.mu, b.weight, RELAX, b.u, b.copy, b.r, b.push], t),
-        (kernels.gradient, [t, s, *matrix, *transposed, b.fixed, b.v, b.free, b.load, b.push, b.local, b.g, b.errors], t),
+        (kernels.gradient, [t, s, int(kernels.BLOCKS), b.all, *matrix, *transposed, b.fixed, b.v, b.free, b.load, b.push,
+                            b.local, b.g, b.miss], t),
         *solve,
         (own.motion_step, [t, s, b.partner, b.fixed, b.apart, b.m, b.n, b.g, b.z, b.v], t),
     ]  # fmt: skip
