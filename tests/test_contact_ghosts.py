@@ -1,11 +1,13 @@
 """Contacts found on the way at edges inside of a surface: left out beside others, never lost, and harmless to what slides."""
 
+import math
+
 import numpy as np
 import pytest
 from contact_measures import speed, step_well
 
 import turnbuckle
-from turnbuckle.contact.detector import Detector
+from turnbuckle.contact.detector import Detector, each_place_once
 from turnbuckle.contact.ghosts import Ghosts
 from turnbuckle.contact.manifold import first_met
 from turnbuckle.data.contact import Surfaces
@@ -79,7 +81,8 @@ def ends(surfaces: Surfaces, place: list[float], way: list[float]) -> tuple[np.n
 def test_only_the_floor_itself_is_left(over_a_floor: tuple[Surfaces, Detector], place: list, way: list) -> None:
     surfaces, detector = over_a_floor
     x0, x1 = ends(surfaces, place, way)
-    found = detector.without_ghosts(detector.crossed(x0, x1))
+    every = detector.crossed(x0, x1)
+    found = every.part(~Ghosts(surfaces).find(every, x0, x1))
     assert found.count >= 1
     # The tip's normal is up: neighbours across an edge, whose nearest places are on their borders, are gone.
     assert np.abs(found.normal[:, 2]).min() > 0.97
@@ -92,9 +95,10 @@ def test_ghosts_are_left_out_once(over_a_floor: tuple[Surfaces, Detector]) -> No
     every = detector.crossed(x0, x1)
     ghost = Ghosts(surfaces).find(every, x0, x1)
     assert 0 < ghost.sum() < every.count
-    assert detector.without_ghosts(every).count == every.count - ghost.sum()
+    chosen = detector.chosen(every, x0)
+    assert 0 < chosen.count and not Ghosts(surfaces).find(chosen, x0, x1).any()
     ghosts = every.part(ghost)
-    assert detector.without_ghosts(ghosts).count == ghosts.count
+    assert detector.chosen(ghosts, x0).count > 0
     assert first_met(ghosts).count > 0
 
 
@@ -125,7 +129,31 @@ def test_a_place_that_several_pairs_share_is_told_once(over_a_floor: tuple[Surfa
     every = detector.crossed(x0, x1)
     tip = (every.kind == 0) & (every.a == np.flatnonzero(surfaces.shape == 1)[0])
     assert tip.sum() >= 2 and every.count > tip.sum()
-    once = detector.without_ghosts(every)
+    once = each_place_once(every)
     places = np.where(np.abs(once.coefficients) > 1e-9, once.vertices, -1)
     assert len({tuple(sorted(row)) for row in places.tolist()}) == once.count
     assert once.count < every.count
+
+
+def test_both_sides_of_a_sharp_fold_are_no_ghosts_for_long() -> None:
+    """The sides of a fold are nearest at the fold itself, where they are one: no place on them is at a minimum."""
+    wide, angle = 0.1, 0.12  # [m], [rad] between both halves
+    points = [[0.0, y, 0.0] for y in (0.0, wide)]
+    for sign in (1.0, -1.0):
+        points += [[x * math.cos(angle), y, sign * x * math.sin(angle)] for x in (0.05, 0.1) for y in (0.0, wide)]
+    faces = [[0, 2, 1], [1, 2, 3], [2, 4, 3], [3, 4, 5], [0, 1, 6], [1, 7, 6], [6, 7, 8], [7, 9, 8]]
+    scene = turnbuckle.Scene("fold", contact={"delta": 0.03}, gravity=[0.0, 0.0, 0.0])
+    scene.add_cloth("sheet", vertices=points, triangles=faces, mass=0.01)
+    model, state = scene.build()
+    surfaces = model.surfaces
+    assert surfaces is not None
+    x0 = surfaces.positions(state.positions())
+    x1 = x0 * [1.0, 1.0, 0.1]
+    detector = Detector(surfaces, np.ones(surfaces.vertices, bool))
+    ghosts = Ghosts(surfaces)
+    found = each_place_once(detector.crossed(x0, x1))
+    folded = ghosts.in_folds(found) & (found.distance < 0.03)
+    assert (folded & ghosts.find(found, x0, x1)).any()
+    chosen = detector.chosen(found, x0)
+    names = {tuple(row) for row in np.stack([chosen.kind, chosen.a, chosen.b], axis=1).tolist()}
+    assert names >= {tuple(row) for row in np.stack([found.kind, found.a, found.b], axis=1)[folded].tolist()}

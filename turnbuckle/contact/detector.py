@@ -84,11 +84,12 @@ class Detector:
 
         A motion that leads through a body meets its front, then its back from inside, and a row for the back would hold
         what crosses inside. And the edges inside of a flat face meet nothing that its vertices, those of the other side
-        and outlines do not; no more do ghosts. But what shares no vertex with anything that is chosen is there for itself
-        (in a sharp fold the distance is least where both sides are one), so is what has been near since the start, and
-        whatever else is left out and still in the way is found in the next round.
+        and outlines do not; no more do ghosts. Both sides of a sharp fold are there for themselves, since they are nearest
+        where they are one. Whatever is left out and still in the way is found in the next round.
         """
-        found = _each_place_once(found)
+        found = each_place_once(found)
+        fold = (found.distance < self.deltas(found.kind, found.a, found.b)) & self._ghosts.in_folds(found)
+        ghost = self._ghosts.find(found, *self._way)
         face = found.kind == VERTEX_FACE
         normals, vertex_normals = self._outwards(x0)
         outside = np.ones(found.count, dtype=bool)
@@ -105,18 +106,9 @@ class Detector:
             out = sign * _dot(n, one + two)
             outside[~face] &= ~(self._closed[self.surfaces.edges[edge, 0]] & (out > 0.0))
             flat[~face] |= both & (_dot(one, two) > math.cos(FLAT))
-        kept = outside & ~flat & ~self._ghosts.find(found, *self._way)
-        held = np.zeros(self.surfaces.vertices, dtype=bool)
-        held[found.vertices[kept]] = True
-        kept |= ~held[found.vertices].any(axis=1)
-        near = outside & (found.distance < self.reach * self.deltas(found.kind, found.a, found.b))
-        return joined(found.part(near), first_met(found.part(kept & ~near)))
-
-    def without_ghosts(self, found: Contacts) -> Contacts:
-        """Of what the last motion crosses, each place once, and what is no ghost (`ghosts`); all, where all are."""
-        found = _each_place_once(found)
-        ghost = self._ghosts.find(found, *self._way)
-        return found if ghost.all() else found.part(~ghost)
+        tiers = (outside & ~flat & ~ghost, outside & ~ghost, ~ghost, outside & ~flat, outside)
+        kept = next((some for some in tiers if some.any()), ~fold)
+        return joined(found.part(fold), first_met(found.part(kept & ~fold)))
 
     def _nearest_at_start(self, contacts: Contacts, early: np.ndarray) -> np.ndarray:
         """What is asked of pairs that are too near at the start, least over those that share a vertex with a contact (m,).
@@ -217,7 +209,7 @@ class _Known:
         self.x1, self.moved = x1, self.moved + float(shift.max(initial=0.0))
 
 
-def _each_place_once(found: Contacts) -> Contacts:
+def each_place_once(found: Contacts) -> Contacts:
     """Of contacts at one place of an edge or a vertex, which several pairs share, the earliest."""
     shared = (found.coefficients != 0.0).sum(axis=1) < 4
     order = np.argsort(found.time, kind="stable")

@@ -7,6 +7,7 @@ step becomes a row, ghost or not.
 """
 
 import numpy as np
+import scipy.sparse as sp
 
 from turnbuckle.contact.surface import neighbours
 from turnbuckle.data.contact import VERTEX_FACE, Contacts, Surfaces
@@ -33,6 +34,10 @@ class Ghosts:
         self.sheet = np.zeros(surfaces.vertices, dtype=bool)
         self.sheet[faces.ravel()] = True
         self.span = max(surfaces.vertices, 1)
+        step = sp.csr_array((np.ones(len(self.other), dtype=np.int8), self.other, self.start),
+                            shape=(surfaces.vertices,) * 2) + sp.eye_array(surfaces.vertices, dtype=np.int8)  # fmt: skip
+        near = (step @ step).tocoo()  # vertices that two edges join, at most
+        self.joined = np.sort(near.row.astype(np.int64) * self.span + near.col)
         code = edges[:, 0] * self.span + edges[:, 1]
         self.order = np.argsort(code, kind="stable")
         self.code = code[self.order]
@@ -64,6 +69,18 @@ class Ghosts:
         lines = ~points[0] & ~points[1] & ~inside[0] & ~inside[1]
         kept &= ~lines | ((one & two & OK) != 0)
         return ~kept
+
+    def in_folds(self, contacts: Contacts) -> np.ndarray:
+        """(m,) bool: contacts whose sides lie beside each other on one surface, at most two edges away."""
+        first = np.where(contacts.kind == VERTEX_FACE, 1, 2)
+        out = np.zeros(contacts.count, dtype=bool)
+        vertices = contacts.vertices.astype(np.int64)
+        for i in range(2):
+            for j in range(1, 4):
+                code = vertices[:, i] * self.span + vertices[:, j]
+                place = np.minimum(np.searchsorted(self.joined, code), len(self.joined) - 1)
+                out |= (i < first) & (j >= first) & (self.joined[place] == code)
+        return out
 
     def _places(self, contacts: Contacts, used: np.ndarray, sign: float, x0: np.ndarray, x1: np.ndarray) -> np.ndarray:
         """What holds at the places of one side (m,), bits; ``sign`` -1 where the normal points to this side."""
