@@ -62,9 +62,12 @@ def test_a_second_look_finds_what_a_fresh_one_does() -> None:
     known, fresh = detector_of(simulation), detector_of(falling_block())
     motion = np.where((simulation.model.surfaces.shape == 1)[:, None], [0.02, 0.01, -0.12], [0.0, 0.0, 0.0])
     slack, hits = 2e-3, 0
-    for _ in range(12):
+    for k in range(24):
         s1 = s0 + motion + rng.uniform(-1.0, 1.0, s0.shape) * 0.2 * slack * rng.random()
-        found, wanted = known.crossed(s0, s1, slack), fresh.crossed(s0, s1)
+        if k % 3 == 2:  # some end far away, which is searched for them alone
+            s1[rng.integers(0, len(s0), 2)] += rng.uniform(-0.05, 0.05, 3)
+        fresh.forget()
+        found, wanted = known.crossed(s0, s1), fresh.crossed(s0, s1)
         hits += wanted.count
         assert known.smallest_gap <= fresh.smallest_gap + 1e-12
         np.testing.assert_array_equal(found.kind, wanted.kind)

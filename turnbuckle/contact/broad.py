@@ -11,7 +11,7 @@ from turnbuckle.compute.host import host
 from turnbuckle.compute.program import Program
 from turnbuckle.contact.broad_boxes import Features, feature_boxes, make_features, vertex_boxes
 from turnbuckle.contact.broad_brute import fill_brute, find_brute
-from turnbuckle.contact.broad_bvh import deal_leaves, fill_bvh, find_bvh, make_tree, refit
+from turnbuckle.contact.broad_bvh import deal_leaves, fill_bvh, find_bvh, make_tree, mark_moves, refit
 from turnbuckle.contact.broad_hash import HashTable, fill_hash, find_hash, side_of_cubes
 from turnbuckle.contact.broad_lists import CHUNK, Filter, Lists, make_lists
 from turnbuckle.data.contact import EDGE_EDGE, VERTEX_FACE, Pairs, Surfaces
@@ -22,6 +22,14 @@ METHODS = ("bvh", "hash", "brute")
 SMALL = 2000  # features below which one thread does it all
 LOOK = 16  # calls between two looks at the order of the tree
 GROWN = 1.3  # by how much it may have fallen into disorder before leaves are dealt out anew
+
+
+def write(array: wp.array, values: np.ndarray) -> None:
+    """All values of an array."""
+    if array.device.is_cpu:
+        host(array)[:] = values
+    else:
+        array.assign(np.ascontiguousarray(values, dtype=wp.dtype_to_numpy(array.dtype)))
 
 
 class _Search:
@@ -73,6 +81,13 @@ class _Targets:
         self.tree.most.assign(most)
         self.tree.tag.assign(tag)
 
+    def restrict(self, only: np.ndarray) -> None:
+        """Take features as moving that move and have a vertex among ``only`` (s,) bool."""
+        moves = self.numbers.moves & only[self.numbers.corners].any(axis=1)
+        write(self.features.moves, moves)
+        if self.tree is not None and len(moves):
+            write(self.tree.tag, mark_moves(host(self.tree.most), host(self.tree.tag), moves, self.levels))
+
     def disorder(self) -> float:
         """Lengths of the boxes of nodes, in those of the features': what a search costs, however fast all moves."""
         leaves = 48 * int(self.levels.count[0])
@@ -110,7 +125,7 @@ class BroadPhase:
         self._x1 = wp.zeros(n, dtype=vec3, device=device)
         self._inflation = wp.zeros(n, dtype=wp.float64, device=device)
         self._origin = wp.zeros(1, dtype=vec3, device=device)
-        self.vertices, _ = make_features(np.arange(n).reshape(-1, 1), surfaces.shape, self.moves, device)
+        self.vertices, self._numbers = make_features(np.arange(n).reshape(-1, 1), surfaces.shape, self.moves, device)
         tree = method == "bvh"
         self.faces = _Targets(self, surfaces.faces, tree)
         self.edges = _Targets(self, surfaces.edges, tree and not edge_face)
@@ -124,17 +139,30 @@ class BroadPhase:
         self._fill: Program | None = None
         self._calls = 0
         self._disorder: list[float] = []
+        self._restricted = False
         self._targets = [t for t in (self.faces, self.edges) if t.tree is not None and t.features.count]
 
-    def candidates(self, x0: np.ndarray, x1: np.ndarray, inflation: float | np.ndarray = 0.0) -> Pairs:
+    def candidates(
+        self, x0: np.ndarray, x1: np.ndarray, inflation: float | np.ndarray = 0.0, only: np.ndarray | None = None
+    ) -> Pairs:
         """Pairs whose boxes over the motion from ``x0`` to ``x1`` (s, 3) [m] overlap.
 
         ``inflation`` [m], one or (s,): two features that come nearer than the mean of theirs are always found.
+        ``only`` (s,) bool: pairs that have one of these vertices, all by default.
         """
+        if only is not None or self._restricted:
+            self._restrict(np.ones(len(self.moves), dtype=bool) if only is None else only)
+        self._restricted = only is not None
         lists = self._search(x0, x1, inflation)
         kinds = (VERTEX_FACE, EDGE_EDGE)
         kind = np.repeat(np.array(kinds, dtype=np.int32), [len(a) for a, _ in lists])
         return Pairs(kind, np.concatenate([a for a, _ in lists]), np.concatenate([b for _, b in lists]))
+
+    def _restrict(self, only: np.ndarray) -> None:
+        """Pairs of which neither side moves are left out: so let nothing move but ``only``."""
+        write(self.vertices.moves, self._numbers.moves & only)
+        for targets in (self.faces, self.edges):
+            targets.restrict(only)
 
     def edges_near_faces(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Edges and faces whose boxes overlap; for a broad phase made with ``edge_face``."""
@@ -201,6 +229,8 @@ class BroadPhase:
 
     def _look(self, x: np.ndarray) -> None:
         """Deal out the leaves anew, for the calls to come, when the trees have fallen into disorder since."""
+        if self._restricted:
+            return
         if self._calls % LOOK == 0 and self._targets:
             now = [targets.disorder() for targets in self._targets]
             if not self._disorder:

@@ -87,6 +87,18 @@ def deal_leaves(centre: np.ndarray, features: FeatureNumbers, levels: TreeLevels
     return most, tag
 
 
+def mark_moves(most: np.ndarray, tag: np.ndarray, moves: np.ndarray, levels: TreeLevels) -> np.ndarray:
+    """The tags of a tree with other features moving, ``moves`` (n,) bool."""
+    out = tag & ~1
+    leaves = most[: levels.count[0] * WIDTH]
+    below = (leaves >= 0) & moves[leaves]
+    for first, count in zip(levels.first, levels.count, strict=True):
+        below = np.append(below, np.zeros(count * WIDTH - len(below), dtype=bool))
+        out[first * WIDTH : (first + count) * WIDTH] |= below
+        below = below.reshape(-1, WIDTH).any(axis=1)
+    return out
+
+
 @wp.func_native(
     """
     float *node = box.data + 48 * k;

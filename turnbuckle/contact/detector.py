@@ -1,7 +1,6 @@
 """Detection for one step: what is near at its start, and what a motion crosses (Contact, 3.2)."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from turnbuckle.contact.ghosts import Ghosts
 from turnbuckle.contact.manifold import first_met, joined, no_contacts
 from turnbuckle.contact.proximity import Proximity
 from turnbuckle.contact.repeats import first_of_each
+from turnbuckle.contact.ways import Ways
 from turnbuckle.data.contact import VERTEX_FACE, Contacts, Pairs, Surfaces
 
 REACH = 1.5  # of delta: pairs nearer than this are rows from the start
@@ -26,16 +26,15 @@ class Detector:
     """Detection on one set of surfaces. ``moves`` (s,): vertices that may ever move."""
 
     def __init__(self, surfaces: Surfaces, moves: np.ndarray, device: str = "cpu", method: str = "bvh") -> None:
-        self.surfaces = surfaces
-        threads = 1 if surfaces.vertices < PARALLEL else None
+        self.surfaces, self.device = surfaces, device
+        self.threads = threads = 1 if surfaces.vertices < PARALLEL else None
         self.broad = BroadPhase(surfaces, device, method, moves=moves, threads=threads)
         self.ccd = Ccd(surfaces, device, threads)
         self.proximity = Proximity(surfaces, device, threads)
         self.reach = REACH
         half = 0.5 * surfaces.delta
         self._deltas = half, half[surfaces.faces[:, 0]], half[surfaces.edges[:, 0]]
-        self._known: _Known | None = None
-        self._ahead: tuple[np.ndarray, np.ndarray, Pairs] | None = None  # from, towards, and what was found on the way
+        self._ways: Ways | None = None  # of this step
         self._ghosts = Ghosts(surfaces)
         self._way = np.zeros((0, 3)), np.zeros((0, 3))  # both ends of the last motion that was looked at
         self.smallest_gap = np.inf  # [m] certified by the last call of :meth:`crossed`
@@ -54,30 +53,27 @@ class Detector:
 
     def forget(self) -> None:
         """Begin a step: what it finds depends on nothing that was found before."""
-        self._known = self._ahead = None
+        self._ways = None
 
     def near(self, x0: np.ndarray, towards: np.ndarray | None = None) -> Contacts:
         """Contacts of pairs that are near at ``x0`` (s, 3) [m].
 
         ``towards`` (s, 3) [m]: where vertices would end if nothing happened; the search then serves `crossed` as well,
-        if the motion ends close to that.
+        for motions that end close to that.
         """
         reach = self.reach * self.surfaces.delta
         ahead = towards is not None and float(np.linalg.norm(towards - x0, axis=1).sum()) < SHORT * reach.sum()
         pairs = self.broad.candidates(x0, towards if ahead else x0, reach)  # type: ignore[arg-type]
-        self._ahead = (x0, towards, pairs) if ahead else None
+        if ahead:  # found: all that come nearer than reach; `crossed` asks for delta, and both sides may end elsewhere
+            assert towards is not None
+            self._ways = self._ways_from(x0)
+            self._ways.know(pairs, towards, 0.5 * (self.reach - 1.0) * self.surfaces.delta)
         if pairs.count == 0:
             return no_contacts()
-        return self.proximity.contacts(pairs, x0, self.reach * self.deltas(pairs.kind, pairs.a, pairs.b))
+        return self.proximity.contacts(pairs, x0, of_delta=self.reach)
 
-    def _search(self, x0: np.ndarray, x1: np.ndarray, slack: float) -> tuple[Pairs, float]:
-        """Pairs for `crossed`, and the slack [m] that they leave."""
-        if self._ahead is not None and self._ahead[0] is x0:
-            # found there: all that come nearer than reach; asked for here: than delta. Both sides may end elsewhere
-            room = 0.5 * (self.reach - 1.0) * self.surfaces.delta - np.linalg.norm(x1 - self._ahead[1], axis=1)
-            if room.min(initial=np.inf) >= 0.0:
-                return self._ahead[2], min(slack, float(room.min(initial=np.inf)))
-        return self.broad.candidates(x0, x1, self.surfaces.delta + 2.0 * slack), slack
+    def _ways_from(self, x0: np.ndarray) -> Ways:
+        return Ways(self.surfaces, self.broad, self.device, self.threads, x0)
 
     def chosen(self, found: Contacts, x0: np.ndarray) -> Contacts:
         """Of what a motion crosses, what says most: that which each place meets first, from the right side.
@@ -130,83 +126,45 @@ class Detector:
         sums = [np.bincount(faces.ravel(), np.repeat(normal[:, k], 3), minlength=count) for k in range(3)]
         return np.concatenate([normal, np.zeros((1, 3))]), np.stack(sums, axis=1)
 
-    def crossed(self, x0: np.ndarray, x1: np.ndarray, slack: float = 0.0, clear: float = CLEAR) -> Contacts:
+    def crossed(self, x0: np.ndarray, x1: np.ndarray, clear: float = CLEAR) -> Contacts:
         """Contacts of pairs that come too near on the straight way from ``x0`` to ``x1``.
 
         Where any comes nearer than ``clear`` of delta, these are all that come nearer than `KEPT` of it: rows leave more
         room than a way needs, so that what they push aside is not in the way of the next.
-        ``slack`` [m]: a later call from the same ``x0`` whose ends are within this of ``x1`` looks again only at pairs
-        that the difference may bring too near.
         """
         self._way = x0, x1
-        known = self._known
-        shift = known.shift(x0, x1) if known is not None else None
-        if known is None or shift is None:
-            pairs, slack = self._search(x0, x1, slack)
-            keep = KEPT * self.deltas(pairs.kind, pairs.a, pairs.b)
-            known = _Known(x0, x1, slack, pairs, keep, np.zeros(pairs.count))
-            which = np.arange(pairs.count)
-        else:
-            known.move(x1, shift, self.surfaces)
-            which = np.flatnonzero(known.gap < known.keep)
-        self._known = known if slack > 0.0 else None
-        few = known.pairs if len(which) == known.pairs.count else known.pairs.part(which)
-        self.smallest_gap = np.inf
-        if known.pairs.count == 0:
-            return no_contacts()
-        keep = known.keep[which]
-        contacts, walked = self.ccd.first_impacts(few, x0, x1, keep)
-        known.gap[which] = np.where(walked.hit, 0.0, walked.gap)
-        gap = walked.smallest_gap
+        if self._ways is None or not np.array_equal(x0, self._ways.x0):
+            self._ways = self._ways_from(x0)
+        pairs = self._ways.look(x1, KEPT)
+        gap = self._ways.smallest_gap()
+        contacts = no_contacts()
+        if pairs.count:
+            contacts, closer = self._nearer(pairs, x0, x1, clear)
+            gap = min(gap, closer)
+        self.smallest_gap = gap
+        return contacts
+
+    def _nearer(self, pairs: Pairs, x0: np.ndarray, x1: np.ndarray, clear: float) -> tuple[Contacts, float]:
+        """Contacts of pairs that come nearer than `KEPT` of delta, and the gap of those that are none [m]."""
+        deltas = self.deltas(pairs.kind, pairs.a, pairs.b)
+        keep = KEPT * deltas
+        contacts, walked = self.ccd.first_impacts(pairs, x0, x1, keep)
+        gap, hit = walked.smallest_gap, np.flatnonzero(walked.hit)
         early = contacts.time <= 0.0
         if early.any():  # nearer than that from the start: ask for less, of what they pass on their way, too
-            hit = np.flatnonzero(walked.hit)
             less = self._nearest_at_start(contacts, early)
             ask = np.where(early, START * contacts.distance, np.minimum(keep[hit], less))
             anew = early | (less < keep[hit])
-            again, _ = self.ccd.first_impacts(few.part(hit[anew]), x0, x1, ask[anew])
+            again, _ = self.ccd.first_impacts(pairs.part(hit[anew]), x0, x1, ask[anew])
             contacts = _joined_in_order(contacts, ~anew, again)
-            gap = self.ccd.walk(few, x0, x1, 0.0).smallest_gap if contacts.count == 0 else gap
+            gap = self.ccd.walk(pairs, x0, x1, 0.0).smallest_gap if contacts.count == 0 else gap
         if contacts.count:
             hits = Pairs(contacts.kind, contacts.a, contacts.b)
             least = np.minimum(clear * self.deltas(hits.kind, hits.a, hits.b), START * contacts.distance)
             closer = self.ccd.walk(hits, x0, x1, least)
             if not closer.hit.any():
-                contacts, gap = no_contacts(), min(gap, closer.smallest_gap)
-        rest = np.delete(known.gap, which) if len(which) < known.pairs.count else np.zeros(0)
-        self.smallest_gap = min(gap, float(rest.min(initial=np.inf)))
-        return contacts
-
-
-@dataclass
-class _Known:
-    """What a walk certified: pairs and the distance that they keep on the way from x0 to x1."""
-
-    x0: np.ndarray
-    x1: np.ndarray
-    slack: float  # [m] pairs of all motions that end within this of x1 are among them
-    pairs: Pairs
-    keep: np.ndarray  # (n,) [m] asked for
-    gap: np.ndarray  # (n,) [m] certified; 0 where not
-    moved: float = 0.0  # [m] of the slack that is used up
-
-    def shift(self, x0: np.ndarray, x1: np.ndarray) -> np.ndarray | None:
-        """How far each vertex ends from where it ended before (s,) [m]; None where that is too far."""
-        if self.slack == 0.0 or not np.array_equal(x0, self.x0):
-            return None
-        shift = np.linalg.norm(x1 - self.x1, axis=1)
-        return shift if self.moved + shift.max(initial=0.0) <= self.slack else None
-
-    def move(self, x1: np.ndarray, shift: np.ndarray, surfaces: Surfaces) -> None:
-        """At no time of the step is a place farther than its shift from where it was, so no gap loses more than both."""
-        face = self.pairs.kind == VERTEX_FACE
-        a, b = self.pairs.a, self.pairs.b
-        of_faces, of_edges = shift[surfaces.faces].max(axis=1), shift[surfaces.edges].max(axis=1)
-        lost = np.empty(len(a))
-        lost[face] = shift[a[face]] + of_faces[b[face]]
-        lost[~face] = of_edges[a[~face]] + of_edges[b[~face]]
-        self.gap -= lost
-        self.x1, self.moved = x1, self.moved + float(shift.max(initial=0.0))
+                return no_contacts(), min(gap, closer.smallest_gap)
+        return contacts, gap
 
 
 def each_place_once(found: Contacts) -> Contacts:

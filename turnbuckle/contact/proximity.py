@@ -139,6 +139,8 @@ def find_contacts(
     b: I32,
     x: wp.array(dtype=vec3),
     reach: F64,
+    delta: F64,
+    of_delta: F64,
     near: Neighbourhood,
     workers: int,
     run: int,
@@ -146,13 +148,24 @@ def find_contacts(
     keep_out: wp.array(dtype=wp.uint8),
     place_out: wp.array2d(dtype=wp.float64),
 ):
-    """Which pairs are contacts, and their coefficients, normal and distance (n, 8)."""
+    """Which pairs are contacts, and their coefficients, normal and distance (n, 8).
+
+    They must be nearer than ``of_delta`` of the mean delta of their sides, or, where that is 0, than their ``reach``.
+    """
     worker = begin + wp.tid()
     n = count[0]
     i = worker * run
     while i < n:
         for j in range(i, wp.min(i + run, n)):
-            keep = _keep(x, reach[j], near, kind[j], a[j], b[j], scratch, worker)
+            within = reach[j]
+            if of_delta[0] > wp.float64(0.0):
+                other = near.faces[3 * b[j]]
+                own = a[j]
+                if kind[j] == 1:
+                    other = near.edges[2 * b[j]]
+                    own = near.edges[2 * a[j]]
+                within = of_delta[0] * wp.float64(0.5) * (delta[own] + delta[other])
+            keep = _keep(x, within, near, kind[j], a[j], b[j], scratch, worker)
             keep_out[j] = wp.uint8(keep)
             if keep > 0:
                 for k in range(8):
@@ -169,13 +182,18 @@ class Proximity:
         n = surfaces.vertices
         self._x = wp.zeros(n, dtype=vec3, device=device)
         self._count = wp.zeros(1, dtype=wp.int32, device=device)
+        self._delta = wp.array(surfaces.delta, dtype=wp.float64, device=device)
+        self._of_delta = wp.zeros(1, dtype=wp.float64, device=device)
         self._capacity = 0
         self._programs: list[Program] = []
 
-    def contacts(self, pairs: Pairs, x: np.ndarray, reach: float | np.ndarray) -> Contacts:
+    def contacts(
+        self, pairs: Pairs, x: np.ndarray, reach: float | np.ndarray = 0.0, of_delta: float = 0.0
+    ) -> Contacts:
         """Contacts among ``pairs`` at positions ``x`` (s, 3) [m].
 
-        ``reach`` [m], one or one a pair: what they must be nearer than. The order is that of the pairs. Contacts that several pairs share (at an edge or a vertex) are kept once,
+        ``reach`` [m], one or one a pair: what they must be nearer than; or ``of_delta``, a part of the mean delta of both
+        sides. The order is that of the pairs. Contacts that several pairs share (at an edge or a vertex) are kept once,
         with the first pair. `normal_cone` says which are left out.
         """
         x = np.asarray(x, dtype=np.float64)
@@ -191,7 +209,9 @@ class Proximity:
                 f"proximity: 'reach' has shape {np.shape(reach)}; give one number or one for each of {n} pairs"
             )
         self._put(self._x, x)
-        self._put(self._reach, np.broadcast_to(np.asarray(reach, dtype=np.float64), n))
+        self._put(self._of_delta, np.array([of_delta]))
+        if of_delta == 0.0:
+            self._put(self._reach, np.broadcast_to(np.asarray(reach, dtype=np.float64), n))
         self._put(self._count, np.array([n], dtype=np.int32))
         for array, value in zip(self._pairs, (pairs.kind, pairs.a, pairs.b), strict=True):
             self._put(array, value)
@@ -245,7 +265,8 @@ class Proximity:
         self._place = wp.zeros((capacity, 8), dtype=wp.float64, device=self.device)
         scratch = wp.zeros(workers * SLOT, dtype=wp.float64, device=self.device)
         inputs = [
-            self._count, *self._pairs, self._x, self._reach, self.near, workers, run, scratch, self._keep, self._place,
+            self._count, *self._pairs, self._x, self._reach, self._delta, self._of_delta, self.near, workers, run, scratch,
+            self._keep, self._place,
         ]  # fmt: skip
         self._programs = []
         for threads in (1, self.threads):

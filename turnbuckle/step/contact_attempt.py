@@ -68,7 +68,6 @@ class Attempt:
         self.tolerance = max(model.contact.tolerance * scale * pace, LEAST)
         self.iterations: dict[str, int] = {}
         self.solved_rows: int | None = None  # of the last solve, where A and loads are the same still
-        self.slack = 2.0 * ROUGH * self.tolerance * h  # by which later rounds of a step may end elsewhere
         self.free: np.ndarray | None = None
         self.limits = Limits(self)
         self.parting = np.zeros(0)  # [m/s] at which crossings part
@@ -165,7 +164,7 @@ class Attempt:
         None where that solve finds nothing.
         """
         with self.stepper.timed("ccd"):
-            found = self.stepper.detector.crossed(self.s0, s1, self.slack if self.rough else 0.0)
+            found = self.stepper.detector.crossed(self.s0, s1)
         if self.stepper.opening is not None:
             found = self.stepper.opening.without(found)
         self.stepper.state.contact_found |= found.count > 0
