@@ -249,9 +249,9 @@ class Program:
                 wp.launch(barrier, 1, inputs=[0, self._meet[threads], threads], device="cpu")
         return capture.graph
 
-    def run(self) -> None:
-        """Replay. On return all results are visible to the host (on CUDA: once it synchronises)."""
-        threads = self.threads
+    def run(self, most: int | None = None) -> None:
+        """Replay, on at most ``most`` threads. On return all results are visible to the host (on CUDA: once it synchronises)."""
+        threads = min(self.threads, most or self.threads)
         if self._elastic and threads > 1:
             threads = min(threads, free_processors())
         began = time.perf_counter()

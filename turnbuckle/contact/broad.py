@@ -145,7 +145,8 @@ class BroadPhase:
     def candidates(
         self, x0: np.ndarray, x1: np.ndarray, inflation: float | np.ndarray = 0.0, only: np.ndarray | None = None
     ) -> Pairs:
-        """Pairs whose boxes over the motion from ``x0`` to ``x1`` (s, 3) [m] overlap.
+        """Pairs whose boxes may meet on the straight way from ``x0`` to ``x1`` (s, 3) [m]: no axis keeps them apart, the same
+        way at both ends.
 
         ``inflation`` [m], one or (s,): two features that come nearer than the mean of theirs are always found.
         ``only`` (s,) bool: pairs that have one of these vertices, all by default.

@@ -24,6 +24,7 @@ class Features:
     shape: wp.array(dtype=wp.int32)  # (n,)
     moves: wp.array(dtype=wp.uint8)  # (n,) 0: none of its vertices ever moves
     box: wp.array(dtype=wp.float32)  # (n * 6,) lower x, y, z, then upper x, y, z
+    ends: wp.array(dtype=wp.float32)  # (n * 12,) the same at the start, and at the end
 
 
 @dataclass
@@ -47,6 +48,7 @@ def make_features(corners: np.ndarray, shape: np.ndarray, moves: np.ndarray, dev
     out.shape = wp.array(host.shape, dtype=wp.int32, device=device)
     out.moves = wp.array(host.moves.astype(np.uint8), dtype=wp.uint8, device=device)
     out.box = wp.zeros(6 * n, dtype=wp.float32, device=device)
+    out.ends = wp.zeros(12 * n, dtype=wp.float32, device=device)
     return out, host
 
 
@@ -67,18 +69,22 @@ def make_features(corners: np.ndarray, shape: np.ndarray, moves: np.ndarray, dev
     const double p[3] = {a[0] - origin[0], a[1] - origin[1], a[2] - origin[2]};
     const double q[3] = {b[0] - origin[0], b[1] - origin[1], b[2] - origin[2]};
     float *out = box.data + 6 * v;
-    for (int k = 0; k < 3; ++k) {
-        const double least = p[k] < q[k] ? p[k] : q[k], most = p[k] < q[k] ? q[k] : p[k];
-        const double big = (least < 0.0 ? -least : least) + (most < 0.0 ? -most : most) + radius;
-        const double lower = least - radius - 1e-15 * big, upper = most + radius + 1e-15 * big;
-        float l = (float)lower, u = (float)upper;
-        out[k] = (double)l > lower ? next(l, 0) : l;
-        out[3 + k] = (double)u < upper ? next(u, 1) : u;
-    }
+    for (int end = 0; end < 2; ++end)
+        for (int k = 0; k < 3; ++k) {
+            const double at = end ? q[k] : p[k], big = (at < 0.0 ? -at : at) + radius;
+            const double lower = at - radius - 1e-15 * big, upper = at + radius + 1e-15 * big;
+            float l = (float)lower, u = (float)upper;
+            l = (double)l > lower ? next(l, 0) : l;
+            u = (double)u < upper ? next(u, 1) : u;
+            ends.data[12 * v + 6 * end + k] = l;
+            ends.data[12 * v + 6 * end + 3 + k] = u;
+            out[k] = end && out[k] < l ? out[k] : l;
+            out[3 + k] = end && out[3 + k] > u ? out[3 + k] : u;
+        }
 """
 )
 def _vertex_box(
-    box: wp.array(dtype=wp.float32), v: int, a: vec3, b: vec3, origin: vec3, radius: wp.float64
+    box: wp.array(dtype=wp.float32), ends: wp.array(dtype=wp.float32), v: int, a: vec3, b: vec3, origin: vec3, radius: wp.float64
 ): ...  # fmt: skip
 
 
@@ -86,23 +92,27 @@ def _vertex_box(
     """
     const int *c = corners.data + sides * i;
     float *out = box.data + 6 * i;
-    const float *from = vertex.data + 6 * c[0];
-    float lower[3] = {from[0], from[1], from[2]}, upper[3] = {from[3], from[4], from[5]};
-    for (int s = 1; s < sides; ++s) {
-        const float *other = vertex.data + 6 * c[s];
-        for (int k = 0; k < 3; ++k) {
-            lower[k] = other[k] < lower[k] ? other[k] : lower[k];
-            upper[k] = other[3 + k] > upper[k] ? other[3 + k] : upper[k];
+    for (int end = 0; end < 2; ++end) {
+        const float *from = vertex.data + 12 * c[0] + 6 * end;
+        float lower[3] = {from[0], from[1], from[2]}, upper[3] = {from[3], from[4], from[5]};
+        for (int s = 1; s < sides; ++s) {
+            const float *other = vertex.data + 12 * c[s] + 6 * end;
+            for (int k = 0; k < 3; ++k) {
+                lower[k] = other[k] < lower[k] ? other[k] : lower[k];
+                upper[k] = other[3 + k] > upper[k] ? other[3 + k] : upper[k];
+            }
         }
-    }
-    for (int k = 0; k < 3; ++k) {
-        out[k] = lower[k];
-        out[3 + k] = upper[k];
+        for (int k = 0; k < 3; ++k) {
+            ends.data[12 * i + 6 * end + k] = lower[k];
+            ends.data[12 * i + 6 * end + 3 + k] = upper[k];
+            out[k] = end && out[k] < lower[k] ? out[k] : lower[k];
+            out[3 + k] = end && out[3 + k] > upper[k] ? out[3 + k] : upper[k];
+        }
     }
 """
 )
 def _feature_box(
-    box: wp.array(dtype=wp.float32), vertex: wp.array(dtype=wp.float32), corners: wp.array(dtype=wp.int32),
+    box: wp.array(dtype=wp.float32), ends: wp.array(dtype=wp.float32), vertex: wp.array(dtype=wp.float32), corners: wp.array(dtype=wp.int32),
     sides: int, i: int,
 ): ...  # fmt: skip
 
@@ -116,13 +126,13 @@ def vertex_boxes(
     origin: wp.array(dtype=vec3),
     vertices: Features,
 ):
-    """Boxes of the vertices between ``x0`` and ``x1``, in place."""
+    """Boxes of the vertices at ``x0``, at ``x1`` and between, in place."""
     v = begin + wp.tid()
-    _vertex_box(vertices.box, v, x0[v], x1[v], origin[0], wp.float64(0.5) * inflation[v])
+    _vertex_box(vertices.box, vertices.ends, v, x0[v], x1[v], origin[0], wp.float64(0.5) * inflation[v])
 
 
 @wp.kernel
 def feature_boxes(begin: int, vertices: Features, features: Features):
     """Boxes of edges or faces around those of their vertices, in place."""
     i = begin + wp.tid()
-    _feature_box(features.box, vertices.box, features.corners, features.sides, i)
+    _feature_box(features.box, features.ends, vertices.ends, features.corners, features.sides, i)

@@ -19,8 +19,8 @@ wp.set_module_options({"enable_backward": False})
 """)
 )
 def _search(
-    q_corners: I32, q_sides: int, q_shape: I32, q_moves: U8, q_box: F32,
-    t_corners: I32, t_sides: int, t_shape: I32, t_moves: U8, t_box: F32, targets: int,
+    q_corners: I32, q_sides: int, q_shape: I32, q_moves: U8, q_box: F32, q_ends: F32,
+    t_corners: I32, t_sides: int, t_shape: I32, t_moves: U8, t_ends: F32, t_box: F32, targets: int,
     collides: U8, shapes: int, ordered: int,
     first: int, end: int, found: I32, place: int, room: int, count: I32, write_count: int,
 ) -> int: ...  # fmt: skip
@@ -33,7 +33,7 @@ def _chunk(
     """Search for the partners of the queries of chunk n."""
     first = n * size
     end = wp.min(first + size, q.count)
-    return _search(q.corners, q.sides, q.shape, q.moves, q.box, t.corners, t.sides, t.shape, t.moves, t.box, t.count,
+    return _search(q.corners, q.sides, q.shape, q.moves, q.box, q.ends, t.corners, t.sides, t.shape, t.moves, t.ends, t.box, t.count,
                    f.collides, f.shapes, f.ordered, first, end, found, place, room, count, w)  # fmt: skip
 
 

@@ -241,8 +241,8 @@ _WALK = """
 
 @wp.func_native(search_source(_WALK, judged=True, prepare=_MEET + _LEAVES))
 def _search(
-    q_corners: I32, q_sides: int, q_shape: I32, q_moves: U8, q_box: F32,
-    t_corners: I32, t_sides: int, t_shape: I32, t_moves: U8,
+    q_corners: I32, q_sides: int, q_shape: I32, q_moves: U8, q_box: F32, q_ends: F32,
+    t_corners: I32, t_sides: int, t_shape: I32, t_moves: U8, t_ends: F32,
     node_box: F32, node_most: I32, node_tag: I32, level_first: I32, levels: int,
     collides: U8, shapes: int, ordered: int,
     first: int, end: int, found: I32, place: int, room: int, count: I32, write_count: int,
@@ -266,7 +266,7 @@ def _chunk(
     """Search for the partners of the queries of chunk n."""
     first = n * size
     end = wp.min(first + size, q.count)
-    return _search(q.corners, q.sides, q.shape, q.moves, q.box, t.corners, t.sides, t.shape, t.moves,
+    return _search(q.corners, q.sides, q.shape, q.moves, q.box, q.ends, t.corners, t.sides, t.shape, t.moves, t.ends,
                    tree.box, tree.most, tree.tag, tree.first, tree.levels,
                    f.collides, f.shapes, f.ordered, first, end, found, place, room, count, w)  # fmt: skip
 

@@ -199,8 +199,8 @@ def side_of_cubes(x0: np.ndarray, x1: np.ndarray, edges: np.ndarray, inflation: 
     )
 )
 def _search(
-    q_corners: I32, q_sides: int, q_shape: I32, q_moves: U8, q_box: F32,
-    t_corners: I32, t_sides: int, t_shape: I32, t_moves: U8, t_box: F32, targets: int,
+    q_corners: I32, q_sides: int, q_shape: I32, q_moves: U8, q_box: F32, q_ends: F32,
+    t_corners: I32, t_sides: int, t_shape: I32, t_moves: U8, t_ends: F32, t_box: F32, targets: int,
     inverse: wp.array(dtype=wp.float64), size: int, offset: I32, target: I32, entry: I32, start: I32, stop: I32,
     large: I32, large_count: I32, most: int,
     collides: U8, shapes: int, ordered: int,
@@ -225,7 +225,7 @@ def _chunk(
     """Search for the partners of the queries of chunk n."""
     first = n * size
     end = wp.min(first + size, q.count)
-    return _search(q.corners, q.sides, q.shape, q.moves, q.box, t.corners, t.sides, t.shape, t.moves, t.box, t.count,
+    return _search(q.corners, q.sides, q.shape, q.moves, q.box, q.ends, t.corners, t.sides, t.shape, t.moves, t.ends, t.box, t.count,
                    h.inverse, h.size, h.offset, h.target, h.entry, h.start, h.stop, h.large, h.large_count, MOST,
                    f.collides, f.shapes, f.ordered, first, end, found, place, room, count, w)  # fmt: skip
 

@@ -92,7 +92,7 @@ def search_source(walk: str, judged: bool = False, prepare: str = "") -> str:
         + prepare
         + """
     for (int a = first; a < end; ++a) {
-        const float *box = q_box.data + 6 * a;
+        const float *box = q_box.data + 6 * a, *ends = q_ends.data + 12 * a;
         const unsigned char *allowed = collides.data + q_shape.data[a] * shapes;
         const int still = !q_moves.data[a];
         const int c0 = q_corners.data[a * q_sides], c1 = q_corners.data[a * q_sides + q_sides - 1];
@@ -107,6 +107,14 @@ def search_source(walk: str, judged: bool = False, prepare: str = "") -> str:
             if (!allowed[t_shape.data[b]] || (still && !t_moves.data[b])) return;"""
         )
         + """
+            // on each axis the space between two features is concave in time: apart at both ends is apart all the way
+            const float *end = t_ends.data + 12 * b;
+            bool apart = false;
+            for (int k = 0; k < 3; ++k) {
+                apart = apart || (ends[k] > end[3 + k] && ends[6 + k] > end[9 + k]);
+                apart = apart || (end[k] > ends[3 + k] && end[6 + k] > ends[9 + k]);
+            }
+            if (apart) return;
             const int *corner = t_corners.data + b * t_sides;
             for (int k = 0; k < t_sides; ++k)
                 if (corner[k] == c0 || corner[k] == c1) return;

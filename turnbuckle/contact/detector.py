@@ -10,11 +10,10 @@ from turnbuckle.contact.ghosts import Ghosts
 from turnbuckle.contact.manifold import first_met, joined, no_contacts
 from turnbuckle.contact.proximity import Proximity
 from turnbuckle.contact.repeats import first_of_each
-from turnbuckle.contact.ways import Ways
+from turnbuckle.contact.ways import KEPT, Ways
 from turnbuckle.data.contact import VERTEX_FACE, Contacts, Pairs, Surfaces
 
 REACH = 1.5  # of delta: pairs nearer than this are rows from the start
-KEPT = 0.35  # of delta: what comes nearer gets rows, where anything is in the way; contacts rest at 0.6 and above
 CLEAR = 0.2  # of delta: the distance that continuous collision detection certifies; what comes nearer is in the way
 PARALLEL = 8_000  # vertices below which threads lose more at their meetings than they save
 SHORT = 4.0  # of the reach: one search for what is near and for what is on the way pays where motions are shorter
@@ -68,12 +67,14 @@ class Detector:
             assert towards is not None
             self._ways = self._ways_from(x0)
             self._ways.know(pairs, towards, 0.5 * (self.reach - 1.0) * self.surfaces.delta)
+            self._ways.look(towards)
+            pairs = self._ways.near()
         if pairs.count == 0:
             return no_contacts()
         return self.proximity.contacts(pairs, x0, of_delta=self.reach)
 
     def _ways_from(self, x0: np.ndarray) -> Ways:
-        return Ways(self.surfaces, self.broad, self.device, self.threads, x0)
+        return Ways(self.surfaces, self.broad, self.device, self.threads, x0, self.reach)
 
     def chosen(self, found: Contacts, x0: np.ndarray) -> Contacts:
         """Of what a motion crosses, what says most: that which each place meets first, from the right side.
@@ -135,7 +136,7 @@ class Detector:
         self._way = x0, x1
         if self._ways is None or not np.array_equal(x0, self._ways.x0):
             self._ways = self._ways_from(x0)
-        pairs = self._ways.look(x1, KEPT)
+        pairs = self._ways.look(x1)
         gap = self._ways.smallest_gap()
         contacts = no_contacts()
         if pairs.count:

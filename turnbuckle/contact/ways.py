@@ -24,7 +24,9 @@ from turnbuckle.data.errors import InputError
 
 wp.set_module_options({"enable_backward": False})
 
+KEPT = 0.35  # of delta: what comes nearer is a hit, and gets rows where anything is in the way
 ROOM = 0.1  # of delta: how far vertices may end from where a search thought
+CLOSE = 3  # a status: no hit, but near
 MANY = 0.2  # of the vertices: where more end farther away, everything is searched anew
 
 
@@ -38,34 +40,37 @@ MANY = 0.2  # of the vertices: where more end farther away, everything is search
         double& most = k < sides ? shift_a : shift_b;
         most = s > most ? s : most;
     }
-    const double xi_given = keep * 0.5 * (delta.data[corner[0]] + delta.data[corner[sides]]);
+    const double distance = 0.5 * (delta.data[corner[0]] + delta.data[corner[sides]]);
     const double left = gap_out.data[i] - shift_a - shift_b;
-    if (left >= xi_given) {
+    if (left >= keep * distance) {
         gap_out.data[i] = left;
-        status_out.data[i] = 0;
+        status_out.data[i] = left < reach * distance ? 3 : 0;
         return;
     }
-    double xi = xi_given;
+    double xi = keep * distance;
 """
     + WALK
     + """
-    status_out.data[i] = status;
-    gap_out.data[i] = status == 0 ? gap : 0.0;
+    if (status) gap = 0.0;
+    gap_out.data[i] = gap;
+    status_out.data[i] = status ? status : gap < reach * distance ? 3 : 0;
 """
 )
 def _look_at(kinds: I32, a: I32, b: I32, faces: I32, edges: I32, x0: F64, x1: F64, shift: F64, delta: F64,
-             keep: wp.float64, tightness: wp.float64, limit: int, status_out: U8, gap_out: F64, i: int): ...  # fmt: skip
+             keep: wp.float64, reach: wp.float64, tightness: wp.float64, limit: int, status_out: U8, gap_out: F64, i: int): ...  # fmt: skip
 
 
 @wp.kernel
 def look_at_pairs(begin: int, kinds: I32, a: I32, b: I32, faces: I32, edges: I32, x0: F64, x1: F64, shift: F64,
-                  delta: F64, keep: wp.float64, tightness: wp.float64, limit: int, status_out: U8, gap_out: F64):  # fmt: skip
+                  delta: F64, keep: wp.float64, reach: wp.float64, tightness: wp.float64, limit: int, status_out: U8, gap_out: F64):  # fmt: skip
     """CCD of pair i of surfaces on the way from ``x0`` to ``x1``, unless its gap on the last way is worth enough still.
 
     ``shift`` (s,) is how far the ends of vertices are from where they were on the last way; asked for is ``keep`` times
-    the mean of the ``delta`` of both sides. A pair that keeps less has no gap.
+    the mean of the ``delta`` of both sides. A pair that keeps less has no gap; one that keeps less than ``reach`` times
+    that is `CLOSE`.
     """
-    _look_at(kinds, a, b, faces, edges, x0, x1, shift, delta, keep, tightness, limit, status_out, gap_out, begin + wp.tid())
+    _look_at(kinds, a, b, faces, edges, x0, x1, shift, delta, keep, reach, tightness, limit, status_out, gap_out,
+             begin + wp.tid())  # fmt: skip
 
 
 @dataclass
@@ -80,39 +85,54 @@ class _Found:
 class Ways:
     """Ways of one step from ``x0`` (s, 3) [m]. A first search thought that they end at ``ends``, within ``room`` (s,)."""
 
-    def __init__(self, surfaces: Surfaces, broad: BroadPhase, device: str, threads: int | None, x0: np.ndarray) -> None:
+    def __init__(
+        self, surfaces: Surfaces, broad: BroadPhase, device: str, threads: int | None, x0: np.ndarray, reach: float
+    ) -> None:
+        self.reach = reach
         self.surfaces, self.broad, self.device, self.threads = surfaces, broad, device, threads
         self.x0 = np.ascontiguousarray(x0)
         self.room = ROOM * surfaces.delta
         self.ends = self.x0
         self.last = self.x0
         self.found: list[_Found] = []
+        self._hits: Pairs | None = None  # of the last way
         self._topology = [on_device(v, wp.int32, device) for v in (surfaces.faces, surfaces.edges)]
 
     def know(self, pairs: Pairs, ends: np.ndarray, room: np.ndarray) -> None:
         """Take over a search: ``pairs`` are all that any way needs whose vertices end within ``room`` (s,) of ``ends``."""
         self.found = [self._unseen(pairs)]
-        self.ends, self.room, self.last = ends, room, ends
+        self.ends, self.room, self.last, self._hits = ends, room, ends, None
 
-    def look(self, x1: np.ndarray, keep: float) -> Pairs:
-        """Pairs that come nearer than ``keep`` of delta on the way to ``x1`` (s, 3) [m], sorted."""
+    def look(self, x1: np.ndarray) -> Pairs:
+        """Pairs that come nearer than `KEPT` of delta on the way to ``x1`` (s, 3) [m], sorted."""
         x1 = np.ascontiguousarray(x1)
+        if self._hits is not None and np.array_equal(x1, self.last):
+            return self._hits
         self._search(x1)
         shift = np.sqrt(np.einsum("sd,sd->s", x1 - self.last, x1 - self.last))
         ends = [on_device(x, wp.float64, self.device) for x in (self.x0, x1, shift, self.surfaces.delta)]
         for found in self.found:
-            self._walk(found, ends, keep)
+            self._walk(found, ends)
         self.last = x1
         hits = [found.pairs.part(np.flatnonzero(found.status == HIT)) for found in self.found]
-        if len(hits) == 1:
-            return hits[0]
+        self._hits = hits[0] if len(hits) == 1 else self._joined(hits)
+        return self._hits
+
+    @staticmethod
+    def _joined(hits: list[Pairs]) -> Pairs:
         both = [np.concatenate([getattr(h, name) for h in hits]) for name in ("kind", "a", "b")]
         once = np.unique(np.stack(both, axis=1), axis=0)  # later searches find again what earlier ones did
         return Pairs(*(np.ascontiguousarray(once[:, k]) for k in range(3)))
 
+    def near(self) -> Pairs:
+        """Pairs of the first search that come nearer than `reach` of delta on the last way, and so all that begin so near."""
+        found = self.found[0]
+        return found.pairs.part(np.flatnonzero(found.status))
+
     def smallest_gap(self) -> float:
         """[m] that all pairs keep which were no hits in the last look."""
-        gaps = [found.gap[found.status != HIT] if found.status.any() else found.gap for found in self.found]
+        assert self._hits is not None
+        gaps = [found.gap[found.status != HIT] if self._hits.count else found.gap for found in self.found]
         return min((float(gap.min(initial=np.inf)) for gap in gaps), default=np.inf)
 
     def _search(self, x1: np.ndarray) -> None:
@@ -133,17 +153,17 @@ class Ways:
     def _unseen(pairs: Pairs) -> _Found:
         return _Found(pairs, np.zeros(pairs.count), np.zeros(pairs.count, dtype=np.uint8))
 
-    def _walk(self, found: _Found, ends: list[wp.array], keep: float) -> None:
+    def _walk(self, found: _Found, ends: list[wp.array]) -> None:
         pairs, n = found.pairs, found.pairs.count
         if n == 0:
             return
         lists = [on_device(v, wp.int32, self.device) for v in (pairs.kind, pairs.a, pairs.b)]
         out = [on_device(found.status, wp.uint8, self.device), on_device(found.gap, wp.float64, self.device)]
-        inputs = [*lists, *self._topology, *ends, keep, TIGHTNESS, LIMIT, *out]
+        inputs = [*lists, *self._topology, *ends, KEPT, self.reach, TIGHTNESS, LIMIT, *out]
         launch_over_threads(look_at_pairs, n, inputs, self.device, self.threads)
         if wp.get_device(self.device).is_cuda:
             found.status, found.gap = (array.numpy() for array in out)
-        if found.status.max(initial=0) == NOT_FINITE:
+        if (found.status == NOT_FINITE).any():
             k = int(np.argmax(found.status == NOT_FINITE))
             raise InputError(
                 f"continuous collision detection: pair {k} (a {pairs.a[k]}, b {pairs.b[k]}) has a position that is not "

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy.sparse as sp
 
-from turnbuckle.contact.detector import KEPT
 from turnbuckle.contact.manifold import no_contacts
+from turnbuckle.contact.ways import KEPT
 from turnbuckle.data.contact import ContactProblem, Contacts, ContactSolution
 from turnbuckle.solvers.contact.anticipation import solve_anticipation
 from turnbuckle.solvers.contact.ica import solve_ica

@@ -44,6 +44,7 @@ CG_LIMIT = 200.0
 TILES = 64
 SMALL = 500  # blocks and contacts below which one thread does all
 PARALLEL = 8_000  # blocks and contacts below which threads lose more at their meetings than they save
+FEW = 3_000  # blocks around a region below which that is so for it
 SLOW = 0.7  # contacts that gain less from an update of multipliers
 GROWTH = 2.0  # get a larger penalty, by this factor
 AGAIN = 3  # Newton steps between two factorisations of small bodies, which hold what their contacts add to the diagonal
@@ -269,7 +270,8 @@ class NewtonSolver:
         return tries, self._evaluate(part)
 
     def _run(self, name: str) -> None:
-        self._programs[name].run()
+        few = name.startswith("some ") and host(self.buffers.sizes)[kernels.AROUND] < FEW
+        self._programs[name].run(1 if few else None)
 
     def _find_parts(self, problem: ContactProblem) -> None:
         """Small bodies, whose own matrix the preconditioner inverts; not those that equality rows hold."""
@@ -361,7 +363,7 @@ class NewtonSolver:
 
         k = kernels
         every = [int(k.BLOCKS), b.all]
-        some = steps([int(k.SOME), b.some], [int(k.THEIRS), b.theirs], [int(k.AROUND), b.around], 1)
+        some = steps([int(k.SOME), b.some], [int(k.THEIRS), b.theirs], [int(k.AROUND), b.around], threads)
         self._programs = {
             **splitting.record(b, t, self.factors, program),
             **steps(every, [int(k.CONTACTS), b.all], every, threads),
