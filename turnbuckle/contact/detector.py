@@ -34,7 +34,7 @@ class Detector:
         half = 0.5 * surfaces.delta
         self._deltas = half, half[surfaces.faces[:, 0]], half[surfaces.edges[:, 0]]
         self._ways: Ways | None = None  # of this step
-        self._ghosts = Ghosts(surfaces)
+        self.ghosts = Ghosts(surfaces)
         self._way = np.zeros((0, 3)), np.zeros((0, 3))  # both ends of the last motion that was looked at
         self.smallest_gap = np.inf  # [m] certified by the last call of :meth:`crossed`
         shapes = int(surfaces.shape.max(initial=-1)) + 1
@@ -85,8 +85,8 @@ class Detector:
         where they are one. Whatever is left out and still in the way is found in the next round.
         """
         found = each_place_once(found)
-        fold = (found.distance < self.deltas(found.kind, found.a, found.b)) & self._ghosts.in_folds(found)
-        ghost = self._ghosts.find(found, *self._way)
+        fold = (found.distance < self.deltas(found.kind, found.a, found.b)) & self.ghosts.in_folds(found)
+        ghost = self.ghosts.find(found, *self._way)
         face = found.kind == VERTEX_FACE
         normals, vertex_normals = self._outwards(x0)
         outside = np.ones(found.count, dtype=bool)

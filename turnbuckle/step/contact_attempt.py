@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from turnbuckle.step.contact_step import ContactStepper
 
 NEAR = 0.6  # of delta: contacts nearer than this are let apart; between, they stay, since parting costs energy
+HELD = 0.45  # of delta: what rows on the way ask of what was near at the start
 RECOVERED = 0.2  # part of what a contact is too near by that a step gives back
 SLIDING = 10.0  # of the tolerance: tangential speeds at the start beyond which a contact slides
 LEAST = 1e-9  # [m/s] the smallest tolerance
@@ -238,14 +239,24 @@ class Attempt:
         mu = surfaces.friction[surfaces.shape[fresh.vertices[:, 0]], surfaces.shape[fresh.vertices[:, 3]]]
         gap = np.einsum("mk,mkd,md->m", fresh.coefficients, self.s0[fresh.vertices], fresh.normal)
         delta = stepper.detector.deltas(fresh.kind, fresh.a, fresh.b)
-        apart = np.minimum(RECOVERED * np.maximum(NEAR * delta - fresh.distance, 0.0), stepper.options.recovery * h)
+        apart = np.minimum(RECOVERED * np.maximum(self._rest(fresh, delta) - fresh.distance, 0.0), stepper.options.recovery * h)
         target = np.where(fresh.distance < delta, fresh.distance + apart, delta)
+        turned = (fresh.time > 0.0) & (fresh.distance < delta)  # the normal is that at the impact: seen along it both are
+        target[turned] = np.minimum(target, np.maximum(gap, HELD * delta))[turned]  # nearer, and need not be parted
         rows = contact_rows(surfaces, fresh, frame, self.arms, stepper.map)
         self.rows = stacked([self.rows, rows])
         self.frame = np.concatenate([self.frame, frame])
         self.impulse = np.concatenate([self.impulse, known])
         self.friction = np.concatenate([self.friction, np.where(slid, mu[:, 1], mu[:, 0])])
         self.gap, self.target = np.concatenate([self.gap, gap]), np.concatenate([self.target, target])
+
+    def _rest(self, contacts: Contacts, delta: np.ndarray) -> np.ndarray:
+        """What contacts that are nearer are let apart to (m,) [m]; less in folds, which bending opens, and closes."""
+        rest = NEAR * delta
+        few = np.flatnonzero(contacts.distance < rest)
+        folded = few[self.stepper.detector.ghosts.in_folds(contacts.part(few))]
+        rest[folded] = KEPT * delta[folded]
+        return rest
 
     def _slides(self, contacts: Contacts) -> np.ndarray:
         """Whether the places of contacts pass each other at the start (m,): a pair that is new may be of bodies that slid."""
