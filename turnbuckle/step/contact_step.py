@@ -41,7 +41,7 @@ from turnbuckle.step.contact_pushable import Pushable
 from turnbuckle.step.contact_report import ContactReports
 from turnbuckle.step.contact_rows import Memory, PointMap
 from turnbuckle.step.contact_schemes import BackwardEuler, ContactScheme, Newmark
-from turnbuckle.step.contact_velocities import end_velocities
+from turnbuckle.step.contact_velocities import end_velocities, without_recovery
 from turnbuckle.step.contact_zones import Zones, clear_with_zones
 from turnbuckle.step.goals import move_goals
 from turnbuckle.step.snapshot import Snapshot
@@ -264,15 +264,17 @@ class ContactStepper:
         state, dynamics, h = self.state, self.dynamics, attempt.h
         assert attempt.solution is not None
         scheme = self.dynamics_of
-        self._remember(attempt)
         if self.dynamics.waiting:
             state.script_delay += h
         if isinstance(scheme, Explicit) and scheme.stays(attempt):
+            self._remember(attempt, attempt.solution.impulse)
             report = scheme.leave(attempt)
             self._count(report, attempt, refined)
             return report
         q = attempt.q1
-        v = end_velocities(attempt)
+        u, attempt.kept_impulse = without_recovery(attempt)
+        self._remember(attempt, attempt.kept_impulse)
+        v = end_velocities(attempt, u)
         body = self.model.body_of[dynamics.slaves]
         speeds = v[: self.model.points].copy()
         arm = rotate(q[body], self.model.rigid.local[dynamics.slaves])
@@ -328,12 +330,12 @@ class ContactStepper:
         """Whether points are where the last step has put them, whatever else was changed."""
         return self._known is not None and np.array_equal(self._known, host(self.state.now.x))
 
-    def _remember(self, attempt: Attempt) -> None:
-        assert attempt.solution is not None
-        r = attempt.solution.impulse[: attempt.solved.count]
+    def _remember(self, attempt: Attempt, impulse: np.ndarray) -> None:
+        """What contacts pushed with, in their frames (m, 3), less what only let bodies apart."""
+        r = impulse[: attempt.solved.count]
         tangential = np.linalg.norm(r[:, 1:], axis=1)
         sliding = (r[:, 0] > 0.0) & (tangential >= attempt.friction * r[:, 0] * (1.0 - 1e-6))
-        self.memory.keep(attempt.solved, attempt.impulse, sliding)
+        self.memory.keep(attempt.solved, np.einsum("mij,mi->mj", attempt.frame[: len(r)], r), sliding)
 
     def _failed(self, h: float, what: str) -> StepReport:
         advice = "take a smaller dt, or see what presses the bodies together"

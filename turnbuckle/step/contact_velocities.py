@@ -26,18 +26,16 @@ if TYPE_CHECKING:
     from turnbuckle.step.contact_attempt import Attempt
 
 
-def end_velocities(attempt: "Attempt") -> np.ndarray:
-    """Velocities of all blocks (n, 3) at the end of the step."""
+def end_velocities(attempt: "Attempt", u: np.ndarray) -> np.ndarray:
+    """Velocities of all blocks (n, 3) at the end of the step, ``u`` those of the step `without_recovery`."""
     stepper = attempt.stepper
-    assert attempt.solution is not None
-    u, attempt.kept_impulse = _without_recovery(attempt)
     attempt.kept_velocity = u
     ahead = stepper.dynamics_of.end(attempt, u)
     ahead = u if ahead is None else _on_contacts(attempt, ahead)
     return stepper.joints.project(ahead, attempt.bx1, attempt.q1)
 
 
-def _without_recovery(attempt: "Attempt") -> tuple[np.ndarray, np.ndarray]:
+def without_recovery(attempt: "Attempt") -> tuple[np.ndarray, np.ndarray]:
     """Velocities (n, 3) of the step less what only lets bodies apart, and impulses; the solution where that is nothing.
 
     What counts is the speed that rows ask for, in the mean over impulses: less than the tolerance is lost in it.
