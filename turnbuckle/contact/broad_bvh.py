@@ -181,7 +181,8 @@ _LEAVES = """
     int leaf[64], leaves = end - first > 1 ? 0 : -1;
     if (leaves == 0) {
         float all[6];
-        int depth = 0;
+        int depth = 0, moving = 0;
+        for (int a = first; a < end; ++a) moving |= q_moves.data[a];
         for (int k = 0; k < 6; ++k) all[k] = q_box.data[6 * first + k];
         for (int a = first + 1; a < end; ++a)
             for (int k = 0; k < 3; ++k) {
@@ -201,9 +202,12 @@ _LEAVES = """
                 leaf[leaves++] = k;
                 continue;
             }
-            for (unsigned near = meet(level_first.data[level] + k, all, ordered ? first : -1); near; near &= near - 1u) {
+            const int node = level_first.data[level] + k;
+            for (unsigned near = meet(node, all, ordered ? first : -1); near; near &= near - 1u) {
+                const int j = lowest(near);
+                if (!moving && !(node_tag.data[8 * node + j] & 1)) continue;
                 stack[depth++] = level - 1;
-                stack[depth++] = 8 * k + lowest(near);
+                stack[depth++] = 8 * k + j;
             }
         }
     }

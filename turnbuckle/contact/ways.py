@@ -25,7 +25,8 @@ from turnbuckle.data.errors import InputError
 wp.set_module_options({"enable_backward": False})
 
 KEPT = 0.35  # of delta: what comes nearer is a hit, and gets rows where anything is in the way
-ROOM = 0.1  # of delta: how far vertices may end from where a search thought
+ROOM = 0.1  # of delta: how far vertices may end from where a search of all thought
+MORE = 0.3  # of delta: the same, of a search for those that went farther
 CLOSE = 3  # a status: no hit, but near
 MANY = 0.2  # of the vertices: where more end farther away, everything is searched anew
 
@@ -146,6 +147,7 @@ class Ways:
             self.know(self.broad.candidates(self.x0, x1, self.surfaces.delta + 2.0 * self.room), x1, self.room)
             return
         self.ends = np.where(far[:, None], x1, self.ends)
+        self.room = np.where(far, MORE * self.surfaces.delta, self.room)
         more = self.broad.candidates(self.x0, self.ends, self.surfaces.delta + 2.0 * self.room, only=far)
         self.found.append(self._unseen(more))
 
