@@ -38,6 +38,11 @@ class Parts:
         """Parts."""
         return len(self.offsets) - 1
 
+    @property
+    def part(self) -> np.ndarray:
+        """(n,) the part of each block of the matrix, -1 for those in none."""
+        return np.where(self.local >= 0, np.searchsorted(self.offsets, self.local, side="right") - 1, -1)
+
 
 def find_parts(indptr: np.ndarray, indices: np.ndarray, left_out: np.ndarray) -> Parts:
     """Parts of a symmetric block pattern; ``left_out`` (n,) bool: blocks whose part is not wanted."""
@@ -179,29 +184,33 @@ def solve_part(first: int, last: int, nodes: I32, lead: I32, start: I32, light: 
 
 
 @wp.kernel
-def factor_parts(begin: int, offsets: I32, nodes: I32, lead: I32, start: I32, local: I32, starts: I32, others: I32,
+def factor_parts(begin: int, count: I32, of: int, which: I32, offsets: I32, nodes: I32, lead: I32, start: I32, local: I32, starts: I32, others: I32,
                  a: wp.array(dtype=wp.mat33d), diagonal: wp.array(dtype=wp.mat33d), fixed: wp.array(dtype=wp.uint8),
                  number: F64, light_out: F32):  # fmt: skip
     """L of each part, its diagonal inverted, and a copy in single precision; ``fixed`` blocks are those of the identity.
 
-    ``diagonal`` (n,) stands for the diagonal blocks of ``a``, and may be more.
+    ``diagonal`` (n,) stands for the diagonal blocks of ``a``, and may be more. Parts are the first ``count[of]`` of ``which``.
     """
-    part = begin + wp.tid()
+    item = begin + wp.tid()
+    if item >= count[of]:
+        return
+    part = which[item]
     factor_part(offsets[part], offsets[part + 1], nodes, lead, start, local, starts, others, a, diagonal, fixed, number,
                 light_out)  # fmt: skip
 
 
 @wp.kernel
-def solve_parts(begin: int, offsets: I32, nodes: I32, lead: I32, start: I32, light: F32,
+def solve_parts(begin: int, count: I32, of: int, which: I32, offsets: I32, nodes: I32, lead: I32, start: I32, light: F32,
                 fixed: wp.array(dtype=wp.uint8), r: wp.array(dtype=wp.vec3d), work: F64, stop: F64, at: int,
                 z_out: wp.array(dtype=wp.vec3d)):  # fmt: skip
     """z = (L L^T)^-1 r of each part, unless ``stop[at]``; zero in ``fixed`` blocks, nothing written outside of parts.
 
     L is taken in single precision: as a preconditioner it is as good, and the time is that of reading it.
     """
-    part = begin + wp.tid()
-    if stop[at] != real(0.0):
+    item = begin + wp.tid()
+    if stop[at] != real(0.0) or item >= count[of]:
         return
+    part = which[item]
     solve_part(offsets[part], offsets[part + 1], nodes, lead, start, light, fixed, r, work, z_out)
 
 
@@ -214,6 +223,7 @@ class SkylineFactors:
         def put(values: np.ndarray) -> wp.array:
             return wp.array(np.ascontiguousarray(values, dtype=np.int32), dtype=wp.int32, device=device)
 
+        self.every = put(np.array([parts.count])), 0, put(np.arange(parts.count))
         self.offsets, self.nodes, self.lead = put(parts.offsets), put(parts.nodes), put(parts.lead)
         self.start, self.local = put(parts.start), put(parts.local)
         self.number = wp.zeros(max(parts.numbers, 1), dtype=real, device=device)
@@ -221,12 +231,14 @@ class SkylineFactors:
         self.work = wp.zeros(max(3 * len(parts.nodes), 1), dtype=real, device=device)
 
     def factor_inputs(
-        self, starts: wp.array, others: wp.array, a: wp.array, diagonal: wp.array, fixed: wp.array
+        self, starts: wp.array, others: wp.array, a: wp.array, diagonal: wp.array, fixed: wp.array, some: tuple | None = None
     ) -> list:
-        """Of `factor_parts`."""
+        """Of `factor_parts`; ``some``: an array of counts, which of them it is, and numbers of parts. All parts by default."""
         given = [starts, others, a, diagonal, fixed]
-        return [self.offsets, self.nodes, self.lead, self.start, self.local, *given, self.number, self.light]
+        return [*(some or self.every), self.offsets, self.nodes, self.lead, self.start, self.local, *given, self.number, self.light]
 
-    def solve_inputs(self, fixed: wp.array, r: wp.array, z: wp.array, stop: wp.array, at: int = 0) -> list:
-        """Of `solve_parts`, which does nothing where ``stop[at]`` is not zero."""
-        return [self.offsets, self.nodes, self.lead, self.start, self.light, fixed, r, self.work, stop, at, z]
+    def solve_inputs(
+        self, fixed: wp.array, r: wp.array, z: wp.array, stop: wp.array, at: int = 0, some: tuple | None = None
+    ) -> list:
+        """Of `solve_parts`, which does nothing where ``stop[at]`` is not zero; ``some`` as of `factor_inputs`."""
+        return [*(some or self.every), self.offsets, self.nodes, self.lead, self.start, self.light, fixed, r, self.work, stop, at, z]

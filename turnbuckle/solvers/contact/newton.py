@@ -17,36 +17,29 @@ Equality rows are kept exactly in every iterate: conjugate gradients run in thei
 ``M - M E^T (E M E^T)^-1 E M``.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import warp as wp
 
-from turnbuckle.compute import Program, host
+from turnbuckle.compute import host
 from turnbuckle.data.contact import ContactProblem, ContactSolution
-from turnbuckle.linalg.skyline import SkylineFactors, factor_parts, find_parts, solve_parts
-from turnbuckle.solvers.contact import newton_blocks as blocks
-from turnbuckle.solvers.contact import newton_gradients as gradients
+from turnbuckle.linalg.skyline import SkylineFactors, find_parts
 from turnbuckle.solvers.contact import newton_kernels as kernels
 from turnbuckle.solvers.contact import splitting
 from turnbuckle.solvers.contact.newton_buffers import Buffers
 from turnbuckle.solvers.contact.newton_drift import Drift
 from turnbuckle.solvers.contact.newton_equality import EqualityRows
-from turnbuckle.solvers.contact.newton_region import KEPT, MOST, NOTABLE, SETTLED, region, unsettled
-from turnbuckle.solvers.contact.newton_search import along, best_length, slopes
+from turnbuckle.solvers.contact.newton_programs import Programs
+from turnbuckle.solvers.contact.newton_region import KEPT, MOST, NOTABLE, SETTLED
+from turnbuckle.solvers.contact.newton_search import best_length
 
 SCALE = 2.0, 0.3  # rho times the compliance of a contact by itself; where small bodies are factored
 GATE = 1.5  # multipliers are updated once the gradient is below this times what they miss by
-FORCING = 0.2, 0.2  # part of the gradient that conjugate gradients may leave; the same
-BATCH = 8  # iterations of conjugate gradients between two looks at the result
-CG_LIMIT = 200.0
 TILES = 64
 SMALL = 500  # blocks and contacts below which one thread does all
 PARALLEL = 8_000  # blocks and contacts below which threads lose more at their meetings than they save
 FEW = 3_000  # blocks around a region below which that is so for it
-SLOW = 0.7  # contacts that gain less from an update of multipliers
-GROWTH = 2.0  # get a larger penalty, by this factor
 AGAIN = 3  # Newton steps between two factorisations of small bodies, which hold what their contacts add to the diagonal
 LOST = 1e299  # [m/s] errors of velocities that are no numbers
 EXACT = 1e-3  # of the tolerance: a start that misses by less needs no step; others get one, so that rest becomes exact
@@ -77,7 +70,6 @@ class NewtonSolver:
     def __init__(self, device: str = "cpu", threads: int | None = None) -> None:
         self.device, self.threads = device, threads
         self.buffers = Buffers(device)
-        self._programs: dict[str, Program] = {}
         self._key: tuple = ()
         self.rows: EqualityRows | None = None
         self.factors: SkylineFactors | None = None
@@ -124,7 +116,7 @@ class NewtonSolver:
             self.rows.meet()
         split = self._split(m, tolerance, known == m)
         self._run("first_shift")
-        newton = updates = cg = 0
+        newton = updates = cg = full = 0
         converged, message = False, ""
         errors = self._evaluate()
         exact, again = EXACT * tolerance, 1 if self.factors is None else AGAIN
@@ -140,11 +132,12 @@ class NewtonSolver:
                 updates += 1
             if errors.gradient <= (SETTLED * tolerance if newton else exact):
                 continue
-            part = "some " if newton and self._region(errors.gradient, tolerance) else ""
-            if self.rows is None and newton % again == 0:
+            part = "some " if newton + split and self._region(errors.gradient, tolerance) else ""
+            if self.rows is None and (part or full % again == 0):
                 self._run(part + "blocks")
-            if self.factors is not None and newton % again == 0:
-                self._run("factor")
+            if self.factors is not None and (part or full % again == 0):
+                self._run(part + "factor")
+            full += not part
             self._unsplit = True  # factors are those of Newton's method now
             tries, errors = self._newton_step(part)
             cg += tries
@@ -182,9 +175,15 @@ class NewtonSolver:
 
     def _region(self, gradient: float, tolerance: float) -> bool:
         """Find the blocks that the next step is to move; False where that are all."""
-        if self.rows is not None or self.factors is not None or self._drifts:
+        if self.rows is not None:
             return False
-        self.buffers.write("least", np.array([max(NOTABLE * gradient, SETTLED * tolerance)]))
+        least = max(NOTABLE * gradient, SETTLED * tolerance)
+        if (self._speeds > least).any():  # bodies are to move as a whole
+            blocks, speeds = self.drift.blocks(self._speeds, least)
+            miss = self.buffers.read("miss", self._blocks)
+            miss[blocks] = np.maximum(miss[blocks], speeds)
+            self.buffers.write("miss", miss)
+        self.buffers.write("least", np.array([least]))
         self._run("region")
         return bool(host(self.buffers.sizes)[kernels.SOME] <= MOST * self._blocks)
 
@@ -204,9 +203,8 @@ class NewtonSolver:
         if self.rows is not None:  # their impulses are found with the preconditioner
             self._run("blocks")
             gradient = self.rows.remove()
-        drift = self.drift.largest(host(self.buffers.g)[: self._blocks])
-        self._drifts = drift > gradient  # bodies are still to move as a whole
-        gradient = max(gradient, drift)
+        self._speeds = self.drift.speeds(host(self.buffers.g)[: self._blocks])
+        gradient = max(gradient, float(self._speeds.max(initial=0.0)))
         return Errors(gradient, float(values[kernels.PRIMAL]), float(values[kernels.SHIFT]))
 
     def _split(self, m: int, tolerance: float, same: bool) -> int:
@@ -271,7 +269,7 @@ class NewtonSolver:
 
     def _run(self, name: str) -> None:
         few = name.startswith("some ") and host(self.buffers.sizes)[kernels.AROUND] < FEW
-        self._programs[name].run(1 if few else None)
+        self._programs.run(name, 1 if few else None)
 
     def _find_parts(self, problem: ContactProblem) -> None:
         """Small bodies, whose own matrix the preconditioner inverts; not those that equality rows hold."""
@@ -292,92 +290,9 @@ class NewtonSolver:
 
     def _record(self, tiles: int, threads: int | None) -> None:
         key = (self.buffers.grown, tiles, threads, self.rows is not None)
-        if key == self._key:
-            return
-        self._key = key
-        b, s = self.buffers, self.buffers.sizes
-        matrix = [b.starts, b.others, b.a]
-        transposed = [b.t_offsets, b.t_contacts, b.jt]
-        law = [b.floor, b.mu, b.rho, b.shift, b.multiplier]
-        contact = [tiles, s, b.offsets, b.columns, b.j]
-        t, grain = tiles, 512 if tiles > 1 else 1
-
-        def program(*launches: tuple | Callable[[], None], threads: int | None = threads) -> Program:
-            out = Program(self.device, threads)
-            for launch in launches:
-                if callable(launch):
-                    out.host(launch)
-                    continue
-                kernel, inputs, count = launch
-                out.launch(kernel, count, inputs, grain if count > 1 else 1)
-                out.barrier()
-            return out.finish()
-
-        apply: list = []
-        factor = []
-        if self.factors is not None:
-            f, parts = self.factors, self.factors.parts.count
-            apply.append((solve_parts, f.solve_inputs(b.fixed, b.residual, b.z, b.scalars, int(kernels.DONE)), parts))
-            factor.append((factor_parts, f.factor_inputs(b.starts, b.others, b.a, b.diagonal, b.fixed), parts))
-        if self.rows is not None:
-            apply.append(lambda: self.rows.project())  # type: ignore[union-attr]
-        forcing, batch = FORCING[self.factors is not None], BATCH if self.rows is None else 1
-
-        def steps(own: list, touched: list, around: list, threads: int | None) -> dict[str, Program]:
-            """What a Newton step runs: on the blocks ``own``, their contacts, and all whose gradient that changes."""
-            blocked, touching = [t, s, *own], [t, s, *touched]
-            advance = (gradients.advance, [*blocked, b.scalars, b.pq, b.partner, b.fixed, b.apart, b.m, b.n, b.p, b.q, b.dv,
-                                    b.residual, b.z, b.sums], t)  # fmt: skip
-            again = [*apply, (gradients.dot, [*blocked, b.residual, b.z, b.sums], t)] if apply else []  # z is another there
-            iteration: list = [
-                (gradients.direct, [*blocked, b.scalars, b.z, b.p], t),
-                (gradients.contact_product, [*touching, b.scalars, b.offsets, b.columns, b.j, b.d, b.p, b.y], t),
-                (gradients.product, [*blocked, b.scalars, *matrix, *transposed, b.fixed, b.y, b.p, b.q, b.pq], t),
-                advance, *again, (gradients.next_direction, [t, b.sums, CG_LIMIT, b.scalars], 1),
-            ]  # fmt: skip
-            begin = (gradients.begin_gradients, [*blocked, b.g, b.residual, b.dv, b.p, b.q, b.pq, b.scalars], t)
-            first = (gradients.first_direction, [t, b.sums, forcing, b.scalars], 1)
-            programs = {
-                "blocks": (
-                    (blocks.diagonals, [*blocked, *matrix, *transposed, b.d, b.partner, b.diagonal, b.coupled], t),
-                    (blocks.invert_blocks, [*blocked, b.partner, b.diagonal, b.coupled, b.m, b.n], t),
-                ),
-                "evaluate": (
-                    (kernels.contact_forces, [*touching, b.offsets, b.columns, b.j, b.v, *law, b.u, b.r, b.d, b.primal,
-                                              b.wrong], t),
-                    (kernels.gradient, [t, s, *around, *matrix, *transposed, b.fixed, b.v, b.free, b.load, b.r, b.local,
-                                        b.g, b.miss], t),
-                    (kernels.largest_errors, [t, s, b.primal, b.wrong, b.miss, b.errors], t),
-                    (kernels.largest, [t, b.errors, b.scalars], 1),
-                ),
-                "newton": (begin, advance, *again, first, *(iteration * batch)),
-                "iterate": tuple(iteration * batch),
-                "slopes": ((slopes, [t, s, own[0], touched[0], own[1], touched[1], b.offsets, b.columns, b.j, b.dv, b.g,
-                                     b.residual, b.r, b.d, b.du, b.slopes], t),),
-                "along": ((along, [*touching, b.length, b.u, b.du, *law, b.slopes], t),),
-                "update": ((kernels.update_multipliers, [*touching, b.u, b.mu, b.r, b.goal, SLOW, GROWTH, b.rho, b.missed,
-                                                         b.shift, b.multiplier], t),),
-                "move": ((kernels.move, [*blocked, b.length, b.v, b.dv, b.p], t),),
-            }  # fmt: skip
-            return {name: program(*launches, threads=threads) for name, launches in programs.items()}
-
-        k = kernels
-        every = [int(k.BLOCKS), b.all]
-        some = steps([int(k.SOME), b.some], [int(k.THEIRS), b.theirs], [int(k.AROUND), b.around], threads)
-        self._programs = {
-            **splitting.record(b, t, self.factors, program),
-            **steps(every, [int(k.CONTACTS), b.all], every, threads),
-            **{"some " + name: made for name, made in some.items()},
-            "region": program((region, [b.least, b.miss, b.fixed, b.partner, b.starts, b.others, b.t_offsets, b.t_contacts,
-                                        b.offsets, b.columns, b.r, b.block_mark, b.contact_mark, b.some, b.theirs,
-                                        b.around, s], 1)),
-            "begin": program((blocks.local_inverses, [t, s, *matrix, b.local], t),
-                             (k.penalties, [*contact, b.local, b.fixed, b.scale, b.rho], t)),
-            "first_shift": program((k.first_shift, [*contact, b.v, b.mu, b.u, b.shift], t)),
-            "factor": program(*factor),
-            "unsettled": program((unsettled, [b.least, b.primal, b.wrong, b.offsets, b.columns, b.block_mark, b.theirs,
-                                              b.around, s], 1)),
-        }  # fmt: skip
+        if key != self._key:
+            self._key = key
+            self._programs = Programs(self.buffers, self.device, tiles, threads, self.factors, self.rows)
 
 
 def solve_newton(

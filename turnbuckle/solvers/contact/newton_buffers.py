@@ -55,7 +55,7 @@ class Buffers:
             self._room(name, n, wp.mat33d)
         self._room("miss", n, real)
         self._room("block_mark", n, wp.uint8)
-        for name in ("some", "around"):
+        for name in ("some", "around", "some_parts"):
             self._room(name, n, wp.int32)
         self.take_rows(problem, tiles)
 

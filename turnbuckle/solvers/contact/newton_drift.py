@@ -36,8 +36,13 @@ class Drift:
         self._mass = self._sums @ row
         self.masses = np.maximum(np.bincount(self.label, row, minlength=self.count), 1e-300)[self.label]
 
-    def largest(self, g: np.ndarray) -> float:
-        """Of the mean velocities [m/s] that gradients g (n, 3) [N s] would still give to bodies."""
+    def speeds(self, g: np.ndarray) -> np.ndarray:
+        """The mean velocities [m/s] that gradients g (n, 3) [N s] would still give to bodies."""
         if len(self._mass) == 0:
-            return 0.0
-        return float((np.linalg.norm(self._sums @ g, axis=1) / self._mass).max())
+            return np.zeros(0)
+        return np.linalg.norm(self._sums @ g, axis=1) / self._mass
+
+    def blocks(self, speeds: np.ndarray, least: float) -> tuple[np.ndarray, np.ndarray]:
+        """Blocks of bodies whose speed is above ``least``, and that speed."""
+        some = self._sums[np.flatnonzero(speeds > least)]
+        return some.indices, np.repeat(speeds[speeds > least], np.diff(some.indptr))

@@ -21,7 +21,8 @@ CONTACTS = wp.constant(1)
 SOME = wp.constant(2)  # blocks of the region
 THEIRS = wp.constant(3)  # contacts of those
 AROUND = wp.constant(4)  # blocks whose gradient the region changes
-SIZES = 5
+PARTS = wp.constant(5)  # small bodies of the region
+SIZES = 6
 
 ALPHA = wp.constant(0)  # places in `scalars`: step length of conjugate gradients
 BETA = wp.constant(1)

@@ -2,14 +2,15 @@
 
 After a few steps on everything, and in the rounds of refinement that follow the first, what is unsettled are some dozens
 of places where contacts change, while thousands of blocks rest. A step then moves the blocks whose gradient is a notable
-part of the largest, and their neighbours, by A or by a contact that pushes: a Newton step of the same function on fewer
-unknowns. Nothing is held for longer than a step, so what a step disturbs around it is moved by the next.
+part of the largest, and their neighbours, by A or by a contact that pushes; of small bodies, all blocks. It is a Newton
+step of the same function on fewer unknowns. Nothing is held for longer than a step, so what a step disturbs around it is
+moved by the next.
 """
 
 import warp as wp
 
 from turnbuckle.math.types import real
-from turnbuckle.solvers.contact.newton_kernels import AROUND, BLOCKS, CONTACTS, SOME, THEIRS
+from turnbuckle.solvers.contact.newton_kernels import AROUND, BLOCKS, CONTACTS, PARTS, SOME, THEIRS
 
 wp.set_module_options({"enable_backward": False})
 
@@ -34,6 +35,14 @@ MOST = 0.6  # of all blocks: a step on more than that takes them all
             for (int e = offsets.data[c]; e < offsets.data[c + 1]; ++e) mark[columns.data[e]] |= NEXT;
         }
     }
+    int parts = 0;
+    for (int p = 0; p < bodies; ++p) {  // small bodies move as a whole
+        bool any = false;
+        for (int k = body_starts.data[p]; k < body_starts.data[p + 1]; ++k) any |= (mark[body_blocks.data[k]] & (LEFT | NEXT)) != 0;
+        if (!any) continue;
+        some_parts.data[parts++] = p;
+        for (int k = body_starts.data[p]; k < body_starts.data[p + 1]; ++k) mark[body_blocks.data[k]] |= NEXT;
+    }
     int moved = 0;
     for (int i = 0; i < n; ++i) {
         const int other = partner.data[i];
@@ -50,18 +59,20 @@ MOST = 0.6  # of all blocks: a step on more than that takes them all
     }
     for (int i = 0; i < n; ++i)
         if (mark[i] & NEAR) around.data[near++] = i;
+    sizes.data[of_parts] = parts;
     sizes.data[of_some] = moved;
     sizes.data[of_theirs] = touched;
     sizes.data[of_around] = near;
 """
 )
-def find_region(least: wp.float64, n: int, m: int, miss: wp.array(dtype=real), fixed: wp.array(dtype=wp.uint8),
+def find_region(least: wp.float64, n: int, m: int, bodies: int, body_starts: wp.array(dtype=int),
+                body_blocks: wp.array(dtype=int), some_parts: wp.array(dtype=int), miss: wp.array(dtype=real), fixed: wp.array(dtype=wp.uint8),
                 partner: wp.array(dtype=int), starts: wp.array(dtype=int), others: wp.array(dtype=int),
                 t_offsets: wp.array(dtype=int), t_contacts: wp.array(dtype=int), offsets: wp.array(dtype=int),
                 columns: wp.array(dtype=int), r: wp.array(dtype=wp.vec3d), block_mark: wp.array(dtype=wp.uint8),
                 contact_mark: wp.array(dtype=wp.uint8), some: wp.array(dtype=int), theirs: wp.array(dtype=int),
                 around: wp.array(dtype=int), sizes: wp.array(dtype=int), of_some: int, of_theirs: int,
-                of_around: int): ...  # fmt: skip
+                of_around: int, of_parts: int): ...  # fmt: skip
 
 
 @wp.func_native(
@@ -96,7 +107,8 @@ def unsettled(begin: int, least: wp.array(dtype=real), primal: wp.array(dtype=re
 
 
 @wp.kernel
-def region(begin: int, least: wp.array(dtype=real), miss: wp.array(dtype=real), fixed: wp.array(dtype=wp.uint8),
+def region(begin: int, least: wp.array(dtype=real), bodies: int, body_starts: wp.array(dtype=int),
+           body_blocks: wp.array(dtype=int), some_parts: wp.array(dtype=int), miss: wp.array(dtype=real), fixed: wp.array(dtype=wp.uint8),
            partner: wp.array(dtype=int), starts: wp.array(dtype=int), others: wp.array(dtype=int),
            t_offsets: wp.array(dtype=int), t_contacts: wp.array(dtype=int), offsets: wp.array(dtype=int),
            columns: wp.array(dtype=int), r: wp.array(dtype=wp.vec3d), block_mark: wp.array(dtype=wp.uint8),
@@ -106,5 +118,6 @@ def region(begin: int, least: wp.array(dtype=real), miss: wp.array(dtype=real), 
 
     One item does it all, in the order of numbers: some tens of microseconds.
     """
-    find_region(least[0], sizes[BLOCKS], sizes[CONTACTS], miss, fixed, partner, starts, others, t_offsets, t_contacts,
-                offsets, columns, r, block_mark, contact_mark, some, theirs, around, sizes, SOME, THEIRS, AROUND)  # fmt: skip
+    find_region(least[0], sizes[BLOCKS], sizes[CONTACTS], bodies, body_starts, body_blocks, some_parts, miss, fixed, partner, starts, others, t_offsets, t_contacts,
+                offsets, columns, r, block_mark, contact_mark, some, theirs, around, sizes, SOME, THEIRS, AROUND,
+                PARTS)  # fmt: skip

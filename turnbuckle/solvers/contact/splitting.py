@@ -17,7 +17,6 @@ bring a heap of bodies to within what Newton's method would need dozens of solve
 linear, and over-relaxed by 1.7.
 """
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from turnbuckle.linalg.skyline import factor_parts, solve_parts
@@ -26,7 +25,7 @@ from turnbuckle.solvers.contact import newton_kernels as kernels
 from turnbuckle.solvers.contact import splitting_kernels as own
 
 if TYPE_CHECKING:
-    from turnbuckle.compute import Program
+    from turnbuckle.linalg.skyline import SkylineFactors
     from turnbuckle.solvers.contact.newton_buffers import Buffers
 
 WEIGHT = 0.7  # R times the estimated compliance of a contact
@@ -38,13 +37,8 @@ PATIENCE = 2  # batches between two looks at that
 GROWTH = 4.0  # get a larger weight, by this factor
 
 
-def record(
-    b: "Buffers",
-    tiles: int,
-    factors: object,
-    program: Callable[..., "Program"],
-) -> "dict[str, Program]":
-    """The programs of splitting on the buffers of the Newton solver."""
+def launches(b: "Buffers", tiles: int, factors: "SkylineFactors | None") -> dict[str, tuple]:
+    """What splitting runs on the buffers of the Newton solver, by name."""
     t, s = tiles, b.sizes
     matrix, transposed = [b.starts, b.others, b.a], [b.t_offsets, b.t_contacts, b.jt]
     contact = [t, s, b.offsets, b.columns, b.j]
@@ -67,8 +61,8 @@ def record(
         (own.motion_step, [t, s, b.partner, b.fixed, b.apart, b.m, b.n, b.g, b.z, b.v], t),
     ]  # fmt: skip
     return {
-        "weights": program(weights),
-        "split": program(*factor),
-        "iterations": program(*(iteration * BATCH)),
-        "stiffen": program(stiffen),
+        "weights": (weights,),
+        "split": tuple(factor),
+        "iterations": tuple(iteration * BATCH),
+        "stiffen": (stiffen,),
     }
