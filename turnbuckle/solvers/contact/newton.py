@@ -75,7 +75,8 @@ class NewtonSolver:
         self.factors: SkylineFactors | None = None
         self._parts_of: tuple = ()
         self._count = -1  # contacts of the last problem
-        self._unsplit = False  # what is factored is not the K of splitting any more
+        self._weight = np.zeros(0)  # of splitting, when K was factored
+        self._stale = np.zeros(0, dtype=bool)  # bodies whose factor is not that of K, or of another one
 
     def solve(
         self,
@@ -137,8 +138,9 @@ class NewtonSolver:
                 self._run(part + "blocks")
             if self.factors is not None and (part or full % again == 0):
                 self._run(part + "factor")
+                parts = host(b.some_parts)[: host(b.sizes)[kernels.PARTS]] if part else slice(None)
+                self._stale[parts] = True  # for splitting
             full += not part
-            self._unsplit = True  # factors are those of Newton's method now
             tries, errors = self._newton_step(part)
             cg += tries
             newton += 1
@@ -160,6 +162,7 @@ class NewtonSolver:
         if problem.e is not None and problem.e.shape[0]:
             self.rows = EqualityRows(problem, b)
         self._find_parts(problem)
+        self._weight, self._stale = np.zeros(0), np.ones(0 if self.factors is None else self.factors.parts.count, dtype=bool)
         b.put("apart", self.apart, wp.uint8)
         b.put("mass", self.drift.masses, wp.float64)
         moving = np.ones(n, dtype=bool) if problem.fixed is None else ~problem.fixed
@@ -216,9 +219,7 @@ class NewtonSolver:
         b.write("copy", b.read("u", m))
         if not same:  # weights that have grown stay
             self._run("weights")
-        if not same or self._unsplit:
-            self._run("split")
-        self._unsplit = False
+        self._factor_split(m)
         velocity, multiplier, before = b.read("v", self._blocks), b.read("multiplier", m), self._evaluate()
         b.write("r", multiplier)
         errors, batches = before, 0
@@ -234,15 +235,33 @@ class NewtonSolver:
             if batches % splitting.PATIENCE:
                 continue
             self._run("stiffen")
-            self._unsplit = bool(host(b.sums)[: self._tiles(self._blocks, m)].any())
-            if batches < splitting.LIMIT and self._unsplit:
-                self._run("split")
-                self._unsplit = False
+            if batches < splitting.LIMIT and host(b.sums)[: self._tiles(self._blocks, m)].any():
+                self._factor_split(m)
         if not errors.worst < before.worst:  # bodies that are too stiff for single precision, say
             b.write("v", velocity)
             b.write("multiplier", multiplier)
         b.write("missed", np.full(m, np.inf))  # Newton's method measures otherwise
         return batches * splitting.BATCH
+
+    def _factor_split(self, m: int) -> None:
+        """Factor K, of bodies whose contacts have other weights than when it was, and of those that Newton's method had."""
+        b = self.buffers
+        weight = b.read("weight", m)
+        if self.factors is not None:
+            changed = np.ones(m, dtype=bool)
+            kept = min(len(self._weight), m)
+            changed[:kept] = weight[:kept] != self._weight[:kept]
+            rows = np.repeat(changed, np.diff(host(b.offsets)[: m + 1]))
+            part = self._part[host(b.columns)[: len(rows)][rows]]
+            self._stale[part[part >= 0]] = True
+            some = np.flatnonzero(self._stale)
+            self._stale[:] = False
+            sizes = b.read("sizes", kernels.SIZES)
+            sizes[kernels.PARTS] = len(some)
+            b.write("sizes", sizes)
+            b.write("some_parts", some)
+        self._weight = weight
+        self._run("split")
 
     def _newton_step(self, part: str) -> tuple[int, Errors]:
         """One step, as long as is best; iterations of conjugate gradients, and the errors after it.
@@ -282,6 +301,7 @@ class NewtonSolver:
             self._parts_of, self._key = key, ()
             parts = find_parts(a.indptr, a.indices, left_out)
             self.factors = SkylineFactors(parts, self.device) if parts.count else None
+            self._part = parts.part
             self.apart = (parts.local >= 0).astype(np.uint8)
             self.drift = Drift(a.indptr, a.indices, left_out)
             self._single = np.diff(a.indptr) == 1

@@ -98,7 +98,7 @@ class Buffers:
 
     def read(self, name: str, count: int) -> np.ndarray:
         """A copy of the first places of an array."""
-        return np.array(host(self._arrays[name])[:count])
+        return np.array(host(getattr(self, name))[:count])
 
     def _room(self, name: str, count: int, kind: type) -> None:
         array = self._arrays.get(name)

@@ -51,7 +51,8 @@ def launches(b: "Buffers", tiles: int, factors: "SkylineFactors | None") -> dict
     solve = []
     if factors is not None:
         parts = factors.parts.count
-        factor.append((factor_parts, factors.factor_inputs(b.starts, b.others, b.a, b.diagonal, b.fixed), parts))
+        some = (b.sizes, int(kernels.PARTS), b.some_parts)
+        factor.append((factor_parts, factors.factor_inputs(b.starts, b.others, b.a, b.diagonal, b.fixed, some), parts))
         solve.append((solve_parts, factors.solve_inputs(b.fixed, b.g, b.z, b.zero), parts))
     iteration = [
         (own.contact_step, [*contact, b.v, b.floor, b.mu, b.weight, RELAX, b.u, b.copy, b.r, b.push], t),
