@@ -247,4 +247,8 @@ def test_as_ipctk() -> None:
         found = set(rows(candidates(s, x0, x1, 0.01)))
         assert len(found) > 500 and found <= wanted
         left_out = wanted - found  # boxes that meet, each at another time
-        assert not left_out if x1 is x0 else left_out.isdisjoint(plain(s, x0, x1, np.full(s.vertices, 0.01), s.shape >= 0, 0.0))
+        assert (
+            not left_out
+            if x1 is x0
+            else left_out.isdisjoint(plain(s, x0, x1, np.full(s.vertices, 0.01), s.shape >= 0, 0.0))
+        )

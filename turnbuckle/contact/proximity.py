@@ -187,9 +187,7 @@ class Proximity:
         self._capacity = 0
         self._programs: list[Program] = []
 
-    def contacts(
-        self, pairs: Pairs, x: np.ndarray, reach: float | np.ndarray = 0.0, of_delta: float = 0.0
-    ) -> Contacts:
+    def contacts(self, pairs: Pairs, x: np.ndarray, reach: float | np.ndarray = 0.0, of_delta: float = 0.0) -> Contacts:
         """Contacts among ``pairs`` at positions ``x`` (s, 3) [m].
 
         ``reach`` [m], one or one a pair: what they must be nearer than; or ``of_delta``, a part of the mean delta of both

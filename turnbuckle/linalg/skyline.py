@@ -231,14 +231,43 @@ class SkylineFactors:
         self.work = wp.zeros(max(3 * len(parts.nodes), 1), dtype=real, device=device)
 
     def factor_inputs(
-        self, starts: wp.array, others: wp.array, a: wp.array, diagonal: wp.array, fixed: wp.array, some: tuple | None = None
+        self,
+        starts: wp.array,
+        others: wp.array,
+        a: wp.array,
+        diagonal: wp.array,
+        fixed: wp.array,
+        some: tuple | None = None,
     ) -> list:
         """Of `factor_parts`; ``some``: an array of counts, which of them it is, and numbers of parts. All parts by default."""
         given = [starts, others, a, diagonal, fixed]
-        return [*(some or self.every), self.offsets, self.nodes, self.lead, self.start, self.local, *given, self.number, self.light]
+        return [
+            *(some or self.every),
+            self.offsets,
+            self.nodes,
+            self.lead,
+            self.start,
+            self.local,
+            *given,
+            self.number,
+            self.light,
+        ]
 
     def solve_inputs(
         self, fixed: wp.array, r: wp.array, z: wp.array, stop: wp.array, at: int = 0, some: tuple | None = None
     ) -> list:
         """Of `solve_parts`, which does nothing where ``stop[at]`` is not zero; ``some`` as of `factor_inputs`."""
-        return [*(some or self.every), self.offsets, self.nodes, self.lead, self.start, self.light, fixed, r, self.work, stop, at, z]
+        return [
+            *(some or self.every),
+            self.offsets,
+            self.nodes,
+            self.lead,
+            self.start,
+            self.light,
+            fixed,
+            r,
+            self.work,
+            stop,
+            at,
+            z,
+        ]

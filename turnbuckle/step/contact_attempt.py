@@ -239,9 +239,13 @@ class Attempt:
         mu = surfaces.friction[surfaces.shape[fresh.vertices[:, 0]], surfaces.shape[fresh.vertices[:, 3]]]
         gap = np.einsum("mk,mkd,md->m", fresh.coefficients, self.s0[fresh.vertices], fresh.normal)
         delta = stepper.detector.deltas(fresh.kind, fresh.a, fresh.b)
-        apart = np.minimum(RECOVERED * np.maximum(self._rest(fresh, delta) - fresh.distance, 0.0), stepper.options.recovery * h)
+        apart = np.minimum(
+            RECOVERED * np.maximum(self._rest(fresh, delta) - fresh.distance, 0.0), stepper.options.recovery * h
+        )
         target = np.where(fresh.distance < delta, fresh.distance + apart, delta)
-        turned = (fresh.time > 0.0) & (fresh.distance < delta)  # the normal is that at the impact: seen along it both are
+        turned = (fresh.time > 0.0) & (
+            fresh.distance < delta
+        )  # the normal is that at the impact: seen along it both are
         target[turned] = np.minimum(target, np.maximum(gap, HELD * delta))[turned]  # nearer, and need not be parted
         rows = contact_rows(surfaces, fresh, frame, self.arms, stepper.map)
         self.rows = stacked([self.rows, rows])

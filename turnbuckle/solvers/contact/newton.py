@@ -162,7 +162,10 @@ class NewtonSolver:
         if problem.e is not None and problem.e.shape[0]:
             self.rows = EqualityRows(problem, b)
         self._find_parts(problem)
-        self._weight, self._stale = np.zeros(0), np.ones(0 if self.factors is None else self.factors.parts.count, dtype=bool)
+        self._weight, self._stale = (
+            np.zeros(0),
+            np.ones(0 if self.factors is None else self.factors.parts.count, dtype=bool),
+        )
         b.put("apart", self.apart, wp.uint8)
         b.put("mass", self.drift.masses, wp.float64)
         moving = np.ones(n, dtype=bool) if problem.fixed is None else ~problem.fixed

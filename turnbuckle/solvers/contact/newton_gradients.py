@@ -126,7 +126,9 @@ def contact_product(begin: int, tiles: int, sizes: wp.array(dtype=int), of: int,
     tile = begin + wp.tid()
     if scalars[DONE] == real(0.0):
         count = sizes[of]
-        contact_product_of(place(tile, tiles, count), place(tile + 1, tiles, count), which, offsets, columns, j, d, p, y_out)
+        contact_product_of(
+            place(tile, tiles, count), place(tile + 1, tiles, count), which, offsets, columns, j, d, p, y_out
+        )
 
 
 @wp.kernel
@@ -241,7 +243,14 @@ def advance(begin: int, tiles: int, sizes: wp.array(dtype=int), of: int, which: 
     }
 """
 )
-def direct_of(first: int, last: int, which: wp.array(dtype=int), beta: wp.float64, z: wp.array(dtype=wp.vec3d), p: wp.array(dtype=wp.vec3d)): ...
+def direct_of(
+    first: int,
+    last: int,
+    which: wp.array(dtype=int),
+    beta: wp.float64,
+    z: wp.array(dtype=wp.vec3d),
+    p: wp.array(dtype=wp.vec3d),
+): ...
 
 
 @wp.kernel
@@ -266,7 +275,9 @@ def direct(begin: int, tiles: int, sizes: wp.array(dtype=int), of: int, which: w
     return total;
 """
 )
-def dot_of(first: int, last: int, which: wp.array(dtype=int), x: wp.array(dtype=wp.vec3d), y: wp.array(dtype=wp.vec3d)) -> wp.float64: ...
+def dot_of(
+    first: int, last: int, which: wp.array(dtype=int), x: wp.array(dtype=wp.vec3d), y: wp.array(dtype=wp.vec3d)
+) -> wp.float64: ...
 
 
 @wp.kernel
