@@ -10,6 +10,7 @@ from turnbuckle.contact.ghosts import Ghosts
 from turnbuckle.contact.manifold import first_met, joined, no_contacts
 from turnbuckle.contact.proximity import Proximity
 from turnbuckle.contact.repeats import first_of_each
+from turnbuckle.contact.surface import closed_shapes
 from turnbuckle.contact.ways import KEPT, Ways
 from turnbuckle.data.contact import VERTEX_FACE, Contacts, Pairs, Surfaces
 
@@ -37,9 +38,7 @@ class Detector:
         self.ghosts = Ghosts(surfaces)
         self._way = np.zeros((0, 3)), np.zeros((0, 3))  # both ends of the last motion that was looked at
         self.smallest_gap = np.inf  # [m] certified by the last call of :meth:`crossed`
-        shapes = int(surfaces.shape.max(initial=-1)) + 1
-        open_edges = surfaces.edges[(surfaces.edge_faces < 0).any(axis=1), 0]
-        self._closed = ~np.isin(surfaces.shape, surfaces.shape[open_edges]) if shapes else np.zeros(0, dtype=bool)
+        self._closed = closed_shapes(surfaces)[surfaces.shape]  # by vertex
 
     def deltas(self, kind: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """The distance that pairs keep (n,) [m], the mean of both sides."""

@@ -10,6 +10,7 @@ import warp as wp
 from turnbuckle.compute.host import host
 from turnbuckle.compute.program import Program
 from turnbuckle.contact.closest import SLOT, closest_edge_edge, closest_vertex_face
+from turnbuckle.contact.manifold import no_contacts
 from turnbuckle.contact.neighbourhood import Neighbourhood, make_neighbourhood
 from turnbuckle.contact.normal_cone import edges_meet, vertex_meets_edge, vertex_meets_face, vertices_meet
 from turnbuckle.contact.repeats import first_of_each
@@ -199,7 +200,7 @@ class Proximity:
             raise InputError(f"proximity: positions have shape {x.shape}; give ({self.surfaces.vertices}, 3)")
         n = pairs.count
         if n == 0:
-            return _no_contacts()
+            return no_contacts()
         if n > self._capacity:
             self._record(max(4096, n + n // 2))
         if np.ndim(reach) and np.shape(reach) != (n,):
@@ -283,10 +284,3 @@ def proximity(
 def pair_delta(surfaces: Surfaces, contacts: Contacts) -> np.ndarray:
     """Distance that each contact keeps (n,) [m]: the mean of its two sides, each at the closest place."""
     return 0.5 * np.einsum("nk,nk->n", np.abs(contacts.coefficients), surfaces.delta[contacts.vertices])
-
-
-def _no_contacts() -> Contacts:
-    none, empty = np.zeros(0, dtype=np.int32), np.zeros(0)
-    return Contacts(
-        none, none, none, np.zeros((0, 4), dtype=np.int32), np.zeros((0, 4)), np.zeros((0, 3)), empty, empty.copy()
-    )

@@ -138,6 +138,14 @@ def _distances(
     return delta
 
 
+def closed_shapes(surfaces: Surfaces) -> np.ndarray:
+    """(shapes,) bool: those without a border."""
+    out = np.ones(int(surfaces.shape.max(initial=-1)) + 1, dtype=bool)
+    border = (surfaces.edge_faces < 0).any(axis=1)
+    out[surfaces.shape[surfaces.edges[border, 0]]] = False
+    return out
+
+
 def neighbours(vertices: int, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Vertices at the other ends of the edges at each vertex: ``other[start[v]:start[v + 1]]``, both int32."""
     both = np.concatenate([edges, edges[:, ::-1]]).astype(np.int64)

@@ -19,6 +19,7 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from turnbuckle.contact.intersections import Intersections
+from turnbuckle.contact.surface import closed_shapes
 from turnbuckle.data.contact import VERTEX_FACE, Contacts, Surfaces
 from turnbuckle.step.contact_rows import PointMap, frames
 
@@ -35,10 +36,7 @@ class Opening:
     def __init__(self, surfaces: Surfaces, intersections: Intersections) -> None:
         self.surfaces, self.intersections = surfaces, intersections
         self.fewest, self.waited = np.inf, 0
-        shapes = int(surfaces.shape.max(initial=-1)) + 1
-        border = (surfaces.edge_faces < 0).any(axis=1)
-        self.closed = np.ones(shapes, dtype=bool)
-        self.closed[surfaces.shape[surfaces.edges[border, 0]]] = False
+        self.closed = closed_shapes(surfaces)
         ends = np.concatenate([surfaces.edges, surfaces.edges[:, ::-1]])
         self._ends = ends
         self.found = np.zeros((0, 2), dtype=np.int32)

@@ -17,8 +17,6 @@ Equality rows are kept exactly in every iterate: conjugate gradients run in thei
 ``M - M E^T (E M E^T)^-1 E M``.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 import warp as wp
 
@@ -26,13 +24,14 @@ from turnbuckle.compute import host
 from turnbuckle.data.contact import ContactProblem, ContactSolution
 from turnbuckle.linalg.skyline import SkylineFactors, find_parts
 from turnbuckle.solvers.contact import newton_kernels as kernels
-from turnbuckle.solvers.contact import splitting
 from turnbuckle.solvers.contact.newton_buffers import Buffers
 from turnbuckle.solvers.contact.newton_drift import Drift
 from turnbuckle.solvers.contact.newton_equality import EqualityRows
+from turnbuckle.solvers.contact.newton_errors import LOST, Errors
 from turnbuckle.solvers.contact.newton_programs import Programs
 from turnbuckle.solvers.contact.newton_region import KEPT, MOST, NOTABLE, SETTLED
 from turnbuckle.solvers.contact.newton_search import best_length
+from turnbuckle.solvers.contact.splitting import Splitting
 
 SCALE = 2.0, 0.3  # rho times the compliance of a contact by itself; where small bodies are factored
 GATE = 1.5  # multipliers are updated once the gradient is below this times what they miss by
@@ -41,27 +40,7 @@ SMALL = 500  # blocks and contacts below which one thread does all
 PARALLEL = 8_000  # blocks and contacts below which threads lose more at their meetings than they save
 FEW = 3_000  # blocks around a region below which that is so for it
 AGAIN = 3  # Newton steps between two factorisations of small bodies, which hold what their contacts add to the diagonal
-LOST = 1e299  # [m/s] errors of velocities that are no numbers
 EXACT = 1e-3  # of the tolerance: a start that misses by less needs no step; others get one, so that rest becomes exact
-
-
-@dataclass
-class Errors:
-    """All in m/s."""
-
-    gradient: float
-    primal: float
-    shift: float
-
-    @property
-    def multipliers(self) -> float:
-        """What an update of multipliers and shifts would change."""
-        return max(self.primal, self.shift)
-
-    @property
-    def worst(self) -> float:
-        """The largest of all."""
-        return max(self.gradient, self.primal, self.shift)
 
 
 class NewtonSolver:
@@ -75,8 +54,7 @@ class NewtonSolver:
         self.factors: SkylineFactors | None = None
         self._parts_of: tuple = ()
         self._count = -1  # contacts of the last problem
-        self._weight = np.zeros(0)  # of splitting, when K was factored
-        self._stale = np.zeros(0, dtype=bool)  # bodies whose factor is not that of K, or of another one
+        self.splitting = Splitting(self.buffers, self._run, self._evaluate)
 
     def solve(
         self,
@@ -115,7 +93,7 @@ class NewtonSolver:
         self._run("begin")  # penalties of a last call may have grown
         if self.rows is not None:
             self.rows.meet()
-        split = self._split(m, tolerance, known == m)
+        split = self.splitting.start(n, m, tolerance, known == m) if m and self.rows is None and self._small else 0
         self._run("first_shift")
         newton = updates = cg = full = 0
         converged, message = False, ""
@@ -138,8 +116,7 @@ class NewtonSolver:
                 self._run(part + "blocks")
             if self.factors is not None and (part or full % again == 0):
                 self._run(part + "factor")
-                parts = host(b.some_parts)[: host(b.sizes)[kernels.PARTS]] if part else slice(None)
-                self._stale[parts] = True  # for splitting
+                self.splitting.lost(host(b.some_parts)[: host(b.sizes)[kernels.PARTS]] if part else slice(None))
             full += not part
             tries, errors = self._newton_step(part)
             cg += tries
@@ -162,10 +139,7 @@ class NewtonSolver:
         if problem.e is not None and problem.e.shape[0]:
             self.rows = EqualityRows(problem, b)
         self._find_parts(problem)
-        self._weight, self._stale = (
-            np.zeros(0),
-            np.ones(0 if self.factors is None else self.factors.parts.count, dtype=bool),
-        )
+        self.splitting.take(self._part, 0 if self.factors is None else self.factors.parts.count)
         b.put("apart", self.apart, wp.uint8)
         b.put("mass", self.drift.masses, wp.float64)
         moving = np.ones(n, dtype=bool) if problem.fixed is None else ~problem.fixed
@@ -212,59 +186,6 @@ class NewtonSolver:
         self._speeds = self.drift.speeds(host(self.buffers.g)[: self._blocks])
         gradient = max(gradient, float(self._speeds.max(initial=0.0)))
         return Errors(gradient, float(values[kernels.PRIMAL]), float(values[kernels.SHIFT]))
-
-    def _split(self, m: int, tolerance: float, same: bool) -> int:
-        """Bring velocities and multipliers near the solution by operator splitting; iterations of it."""
-        if m == 0 or self.rows is not None or not self._small:
-            return 0
-        b = self.buffers
-        self._run("first_shift")  # u
-        b.write("copy", b.read("u", m))
-        if not same:  # weights that have grown stay
-            self._run("weights")
-        self._factor_split(m)
-        velocity, multiplier, before = b.read("v", self._blocks), b.read("multiplier", m), self._evaluate()
-        b.write("r", multiplier)
-        errors, batches = before, 0
-        while batches < splitting.LIMIT:
-            self._run("iterations")
-            batches += 1
-            b.write("multiplier", b.read("r", m))
-            self._run("first_shift")
-            errors = self._evaluate()
-            if errors.worst <= tolerance or not errors.worst < LOST:
-                break
-            b.write("r", b.read("multiplier", m))
-            if batches % splitting.PATIENCE:
-                continue
-            self._run("stiffen")
-            if batches < splitting.LIMIT and host(b.sums)[: self._tiles(self._blocks, m)].any():
-                self._factor_split(m)
-        if not errors.worst < before.worst:  # bodies that are too stiff for single precision, say
-            b.write("v", velocity)
-            b.write("multiplier", multiplier)
-        b.write("missed", np.full(m, np.inf))  # Newton's method measures otherwise
-        return batches * splitting.BATCH
-
-    def _factor_split(self, m: int) -> None:
-        """Factor K, of bodies whose contacts have other weights than when it was, and of those that Newton's method had."""
-        b = self.buffers
-        weight = b.read("weight", m)
-        if self.factors is not None:
-            changed = np.ones(m, dtype=bool)
-            kept = min(len(self._weight), m)
-            changed[:kept] = weight[:kept] != self._weight[:kept]
-            rows = np.repeat(changed, np.diff(host(b.offsets)[: m + 1]))
-            part = self._part[host(b.columns)[: len(rows)][rows]]
-            self._stale[part[part >= 0]] = True
-            some = np.flatnonzero(self._stale)
-            self._stale[:] = False
-            sizes = b.read("sizes", kernels.SIZES)
-            sizes[kernels.PARTS] = len(some)
-            b.write("sizes", sizes)
-            b.write("some_parts", some)
-        self._weight = weight
-        self._run("split")
 
     def _newton_step(self, part: str) -> tuple[int, Errors]:
         """One step, as long as is best; iterations of conjugate gradients, and the errors after it.

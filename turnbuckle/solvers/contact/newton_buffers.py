@@ -81,6 +81,7 @@ class Buffers:
         if "all" not in self._arrays or self._arrays["all"].shape[0] < max(n, m):
             self.put("all", np.arange(int(ROOM * max(n, m))), wp.int32)
         self._room("sums", tiles, real)
+        self._room("stiffened", tiles, real)
         self._room("pq", tiles, real)
         for name, rows in (("errors", 3), ("slopes", SUMS)):
             if name not in self._arrays or self._arrays[name].shape[1] != tiles:
