@@ -1,5 +1,7 @@
 """The default contact solver against the others, on random problems and on ones that are hard for sweeps."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -48,3 +50,18 @@ def test_a_warm_start_needs_no_step():
     first = solve_newton(problem, tolerance=1e-9, max_iterations=2000)
     again = NewtonSolver().solve(problem, first.impulse, first.velocity, 1e-5)
     assert again.converged and again.iterations["newton"] <= 1
+
+
+def test_equality_rows_of_an_earlier_problem_do_not_stay() -> None:
+    """Joints turn from look to look, while sizes stay: a solver takes as many steps as a fresh one."""
+    problem = make("mixed", 0.3)
+    assert problem.e is not None and problem.e.shape[0] > 0
+    other = problem.e.copy()
+    other.data = -np.roll(problem.e.data, 1) + 0.1 * np.sin(np.arange(len(problem.e.data)))
+    turned = replace(problem, e=other)
+    solver = NewtonSolver()
+    solver.solve(problem, tolerance=1e-7)
+    again, fresh = solver.solve(turned, tolerance=1e-7), NewtonSolver().solve(turned, tolerance=1e-7)
+    assert again.converged and fresh.converged
+    assert again.iterations == fresh.iterations
+    np.testing.assert_allclose(turned.e @ again.velocity, turned.wanted, atol=1e-9)

@@ -236,7 +236,8 @@ class NewtonSolver:
         key = (self.buffers.grown, tiles, threads, self.rows is not None)
         if key != self._key:
             self._key = key
-            self._programs = Programs(self.buffers, self.device, tiles, threads, self.factors, self.rows)
+            project = None if self.rows is None else lambda: self.rows.project()  # type: ignore[union-attr]  # those of now
+            self._programs = Programs(self.buffers, self.device, tiles, threads, self.factors, project)
 
 
 def solve_newton(

@@ -12,7 +12,6 @@ from turnbuckle.solvers.contact import newton_gradients as gradients
 from turnbuckle.solvers.contact import newton_kernels as kernels
 from turnbuckle.solvers.contact import splitting
 from turnbuckle.solvers.contact.newton_buffers import Buffers
-from turnbuckle.solvers.contact.newton_equality import EqualityRows
 from turnbuckle.solvers.contact.newton_region import region, unsettled
 from turnbuckle.solvers.contact.newton_search import along, slopes
 
@@ -30,7 +29,10 @@ Launch = tuple | Callable[[], None]  # kernel, inputs, items; or a call on the h
 
 
 class Programs:
-    """Programs on buffers that keep their places. ``tiles`` and ``threads`` as in `newton_kernels`."""
+    """Programs on buffers that keep their places. ``tiles`` and ``threads`` as in `newton_kernels`.
+
+    ``project`` puts the preconditioned residual in the null space of equality rows, where there are any.
+    """
 
     def __init__(
         self,
@@ -39,11 +41,11 @@ class Programs:
         tiles: int,
         threads: int | None,
         factors: SkylineFactors | None,
-        rows: EqualityRows | None,
+        project: Callable[[], None] | None,
     ) -> None:
         self.device, self.tiles, self.threads = device, tiles, threads
         b, t = buffers, tiles
-        self.b, self.factors, self.rows = buffers, factors, rows
+        self.b, self.factors, self.project = buffers, factors, project
         contact = [t, b.sizes, b.offsets, b.columns, b.j]
         every, both = [BLOCKS, b.all], [b.starts, b.others, b.a]
         self._launches: dict[str, tuple[Launch, ...]] = {
@@ -104,8 +106,8 @@ class Programs:
             f, count, done = self.factors, self.factors.parts.count, int(kernels.DONE)
             apply.append((solve_parts, f.solve_inputs(b.fixed, b.residual, b.z, b.scalars, done, parts), count))
             factor.append((factor_parts, f.factor_inputs(b.starts, b.others, b.a, b.diagonal, b.fixed, parts), count))
-        if self.rows is not None:
-            apply.append(self.rows.project)
+        if self.project is not None:
+            apply.append(self.project)
         if apply:  # z is another than that of `advance`
             apply.append((gradients.dot, [*blocked, b.residual, b.z, b.sums], t))
         advance = (gradients.advance, [*blocked, b.scalars, b.pq, b.partner, b.fixed, b.apart, b.m, b.n, b.p, b.q, b.dv,
@@ -118,7 +120,7 @@ class Programs:
         )  # fmt: skip
         begin = (gradients.begin_gradients, [*blocked, b.g, b.residual, b.dv, b.p, b.q, b.pq, b.scalars], t)
         first = (gradients.first_direction, [t, b.sums, FORCING, b.scalars], 1)
-        batch = BATCH if self.rows is None else 1
+        batch = BATCH if self.project is None else 1
         return {
             "blocks": (
                 (blocks.diagonals, [*blocked, *matrix, *transposed, b.d, b.partner, b.diagonal, b.coupled], t),
