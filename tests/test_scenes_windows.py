@@ -6,13 +6,7 @@ import pytest
 pytest.importorskip("ipctk")
 from turnbuckle.benchmarks.contact_windows import WINDOWS, faults, run
 
-PRESSED = pytest.mark.xfail(reason="cloth pressed between bodies: the solver of contact stalls in 1 % of the steps")
-HARD = {("hung_and_hit", 0), ("hung_and_hit", 1), ("hung_and_hit", 2)}
-CASES = [
-    pytest.param(name, size, marks=[PRESSED] if (name, size) in HARD else [], id=f"{name}-{size}")
-    for name in WINDOWS
-    for size in range(3)
-]
+CASES = [pytest.param(name, size, id=f"{name}-{size}") for name in WINDOWS for size in range(3)]
 
 
 @pytest.mark.slow
