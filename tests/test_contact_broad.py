@@ -252,3 +252,19 @@ def test_as_ipctk() -> None:
             if x1 is x0
             else left_out.isdisjoint(plain(s, x0, x1, np.full(s.vertices, 0.01), s.shape >= 0, 0.0))
         )
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_pairs_of_some_vertices(method: str) -> None:
+    """As the first call, as a later one, and everything again after that."""
+    rng = np.random.default_rng(4)
+    s, x = scene(soup(rng, 60), soup(rng, 40))
+    only = rng.random(s.vertices) < 0.05
+    whole = rows(candidates(s, x, x, 0.05))
+    corners = {VERTEX_FACE: (np.arange(s.vertices)[:, None], s.faces), EDGE_EDGE: (s.edges, s.edges)}
+    wanted = [(k, a, b) for k, a, b in whole if only[corners[k][0][a]].any() or only[corners[k][1][b]].any()]
+    search = BroadPhase(s, method=method)
+    assert 0 < len(wanted) < len(whole)
+    for _ in range(2):
+        assert rows(search.candidates(x, x, 0.05, only=only)) == wanted
+        assert rows(search.candidates(x, x, 0.05)) == whole

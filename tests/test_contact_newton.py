@@ -65,3 +65,21 @@ def test_equality_rows_of_an_earlier_problem_do_not_stay() -> None:
     assert again.converged and fresh.converged
     assert again.iterations == fresh.iterations
     np.testing.assert_allclose(turned.e @ again.velocity, turned.wanted, atol=1e-9)
+
+
+def test_a_larger_problem_after_a_small_one_is_solved_whole() -> None:
+    """Lists of what there is grow with the problem, whatever was solved before."""
+    whole = contact_problem.rigid_pile(mu=0.4, seed=0)
+    solver = NewtonSolver()
+    for contacts in (8, 11, 16):
+        rows = np.arange(3 * contacts)
+        problem = replace(
+            whole,
+            j=whole.j.tocsr()[rows].tobsr((3, 3)),
+            floor=whole.floor[:contacts],
+            friction=whole.friction[:contacts],
+        )
+        found = solver.solve(problem, tolerance=1e-8, max_iterations=2000)
+        assert found.converged
+        residuals = contact_residuals(problem, found.velocity, found.impulse, found.equality)
+        assert residuals.worst < 5e-8

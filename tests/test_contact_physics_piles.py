@@ -54,6 +54,23 @@ def test_the_floor_carries_the_weight(kind: str) -> None:
         assert np.linalg.norm(speed(sim, f"b{k}")) < 0.01 * G * 0.1
 
 
+@pytest.mark.parametrize("scheme", ["implicit_euler", "newmark", "velocity_verlet"])
+def test_forces_told_are_what_changes_momentum(scheme: str) -> None:
+    """Of a box that lands, slides and comes to rest."""
+    scene = turnbuckle.Scene("box", dt=0.005, integrator=scheme, contact={"friction": 0.3})
+    scene.add_obstacle("floor", box=[4.0, 4.0, 0.2], position=[0.0, 0.0, -0.1])
+    scene.add_rigid(
+        "b0", box=[0.2] * 3, mass=2.0, position=[0, 0, 0.106], velocity=[0.3, 0.0, -1.0], rotation=[0, 0, 0.1]
+    )
+    sim = turnbuckle.Simulation(scene)
+    for _ in range(30):
+        before = speed(sim, "b0").copy()
+        step_well(sim, 1)
+        gained = 2.0 * (speed(sim, "b0") - before - np.array([0.0, 0.0, -G]) * sim.dt)
+        told = pushes(sim).get(("floor", "b0"), np.zeros(3)) * sim.dt
+        np.testing.assert_allclose(told, gained, atol=5e-4)
+
+
 SOFT = (pytest.mark.slow, pytest.mark.xfail(reason="soft piles wander by tenths of a millimetre"))
 
 

@@ -6,7 +6,8 @@ import pytest
 import turnbuckle
 from turnbuckle.contact.detector import Detector
 from turnbuckle.contact.manifold import first_met, no_contacts
-from turnbuckle.data.contact import EDGE_EDGE, VERTEX_FACE, Contacts
+from turnbuckle.contact.surface import SurfacePart, make_surfaces
+from turnbuckle.data.contact import EDGE_EDGE, VERTEX_FACE, Contacts, Surfaces
 from turnbuckle.scenes import REGISTRY
 
 
@@ -99,3 +100,38 @@ def test_rounds_of_letters_are_few() -> None:
         assert report.status == "ok" and report.intersections == 0
         rounds.append(report.rounds)
     assert max(rounds) <= 5 and np.mean(np.array(rounds) <= 3) > 0.9
+
+
+def facing(gaps: list[float], delta: float) -> tuple[Surfaces, np.ndarray]:
+    """Pairs of triangles, each a vertex over a face at a gap [m]."""
+    below, above = (
+        np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]),
+        np.array([[0.2, 0.2, 0.0], [1.2, 0.2, 1.0], [0.2, 1.2, 1.0]]),
+    )
+    x = np.concatenate(
+        [part for k, gap in enumerate(gaps) for part in (below + [5.0 * k, 0, 0], above + [5.0 * k, 0, gap])]
+    )
+    one = np.array([[0, 1, 2]])
+    parts = [SurfacePart(k, np.arange(3 * k, 3 * k + 3), triangles=one, delta=delta) for k in range(2 * len(gaps))]
+    return make_surfaces(parts, x), x
+
+
+def test_the_gap_that_is_told_is_kept() -> None:
+    """By a pair that is nearer than what makes rows from the start, and by one that comes so near but not too near."""
+    surfaces, x0 = facing([0.033, 0.05], 0.1)
+    x1 = x0.copy()
+    x1[3:6] -= [0.0, 0.0, 0.0025]
+    x1[9:12] -= [0.0, 0.0, 0.0175]
+    detector = Detector(surfaces, np.ones(len(x0), dtype=bool))
+    assert detector.crossed(x0, x1).count == 0
+    assert 0.029 < detector.smallest_gap <= 0.0305
+    far, x0 = facing([0.2], 0.1)  # beyond delta nothing is looked for
+    other = Detector(far, np.ones(len(x0), dtype=bool))
+    assert other.crossed(x0, x0).count == 0 and not 0.1 < other.smallest_gap < np.inf
+
+
+def test_surfaces_that_keep_no_distance_do_not_cross_either() -> None:
+    surfaces, x0 = facing([0.1], 0.0)
+    x1 = x0.copy()
+    x1[3:] -= [0.0, 0.0, 0.3]
+    assert Detector(surfaces, np.ones(len(x0), dtype=bool)).crossed(x0, x1).count > 0

@@ -151,10 +151,7 @@ class BroadPhase:
         ``inflation`` [m], one or (s,): two features that come nearer than the mean of theirs are always found.
         ``only`` (s,) bool: pairs that have one of these vertices, all by default.
         """
-        if only is not None or self._restricted:
-            self._restrict(np.ones(len(self.moves), dtype=bool) if only is None else only)
-        self._restricted = only is not None
-        lists = self._search(x0, x1, inflation)
+        lists = self._search(x0, x1, inflation, only)
         kinds = (VERTEX_FACE, EDGE_EDGE)
         kind = np.repeat(np.array(kinds, dtype=np.int32), [len(a) for a, _ in lists])
         return Pairs(kind, np.concatenate([a for a, _ in lists]), np.concatenate([b for _, b in lists]))
@@ -169,7 +166,9 @@ class BroadPhase:
         """Edges and faces whose boxes overlap; for a broad phase made with ``edge_face``."""
         return self._search(x, x, 0.0)[0]
 
-    def _search(self, x0: np.ndarray, x1: np.ndarray, inflation: float | np.ndarray) -> list:
+    def _search(
+        self, x0: np.ndarray, x1: np.ndarray, inflation: float | np.ndarray, only: np.ndarray | None = None
+    ) -> list:
         x0, x1 = np.asarray(x0, dtype=np.float64), np.asarray(x1, dtype=np.float64)
         for name, x in (("start", x0), ("end", x1)):
             if x.shape != (self.surfaces.vertices, 3):
@@ -185,6 +184,10 @@ class BroadPhase:
         self._put(x0, x1, inflation)
         if self._find is None:
             self._deal(x0)
+        if only is not None or self._restricted:
+            self._restrict(np.ones(len(self.moves), dtype=bool) if only is None else only)
+        self._restricted = only is not None
+        if self._find is None:
             self._boxes = self._record_boxes() if self.method == "hash" else None
         anew = False
         if self._boxes is not None:

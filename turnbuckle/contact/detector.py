@@ -126,11 +126,12 @@ class Detector:
         sums = [np.bincount(faces.ravel(), np.repeat(normal[:, k], 3), minlength=count) for k in range(3)]
         return np.concatenate([normal, np.zeros((1, 3))]), np.stack(sums, axis=1)
 
-    def crossed(self, x0: np.ndarray, x1: np.ndarray, clear: float = CLEAR) -> Contacts:
+    def crossed(self, x0: np.ndarray, x1: np.ndarray, clear: float = CLEAR, held: np.ndarray | None = None) -> Contacts:
         """Contacts of pairs that come too near on the straight way from ``x0`` to ``x1``.
 
         Where any comes nearer than ``clear`` of delta, these are all that come nearer than `KEPT` of it: rows leave more
-        room than a way needs, so that what they push aside is not in the way of the next.
+        room than a way needs, so that what they push aside is not in the way of the next. Contacts between ``held``
+        vertices (s,) bool are told if they are nearer than `KEPT`, whatever others do.
         """
         self._way = x0, x1
         if self._ways is None or not np.array_equal(x0, self._ways.x0):
@@ -139,32 +140,38 @@ class Detector:
         gap = self._ways.smallest_gap()
         contacts = no_contacts()
         if pairs.count:
-            contacts, closer = self._nearer(pairs, x0, x1, clear)
+            contacts, closer = self._nearer(pairs, x0, x1, clear, held)
             gap = min(gap, closer)
-        self.smallest_gap = gap
+        # what is farther away than delta is not looked for
+        self.smallest_gap = min(gap, float(self.surfaces.delta.min())) if np.isfinite(gap) else gap
         return contacts
 
-    def _nearer(self, pairs: Pairs, x0: np.ndarray, x1: np.ndarray, clear: float) -> tuple[Contacts, float]:
+    def _nearer(
+        self, pairs: Pairs, x0: np.ndarray, x1: np.ndarray, clear: float, held: np.ndarray | None
+    ) -> tuple[Contacts, float]:
         """Contacts of pairs that come nearer than `KEPT` of delta, and the gap of those that are none [m]."""
         deltas = self.deltas(pairs.kind, pairs.a, pairs.b)
         keep = KEPT * deltas
         contacts, walked = self.ccd.first_impacts(pairs, x0, x1, keep)
-        gap, hit = walked.smallest_gap, np.flatnonzero(walked.hit)
+        gap, hit = walked.gap.copy(), np.flatnonzero(walked.hit)
         early = contacts.time <= 0.0
         if early.any():  # nearer than that from the start: ask for less, of what they pass on their way, too
             less = self._nearest_at_start(contacts, early)
             ask = np.where(early, START * contacts.distance, np.minimum(keep[hit], less))
             anew = early | (less < keep[hit])
-            again, _ = self.ccd.first_impacts(pairs.part(hit[anew]), x0, x1, ask[anew])
+            again, walked = self.ccd.first_impacts(pairs.part(hit[anew]), x0, x1, ask[anew])
+            gap[hit[anew]] = walked.gap
             contacts = _joined_in_order(contacts, ~anew, again)
-            gap = self.ccd.walk(pairs, x0, x1, 0.0).smallest_gap if contacts.count == 0 else gap
         if contacts.count:
             hits = Pairs(contacts.kind, contacts.a, contacts.b)
             least = np.minimum(clear * self.deltas(hits.kind, hits.a, hits.b), START * contacts.distance)
             closer = self.ccd.walk(hits, x0, x1, least)
-            if not closer.hit.any():
-                return no_contacts(), min(gap, closer.smallest_gap)
-        return contacts, gap
+            free = np.ones(contacts.count, dtype=bool)
+            if held is not None:
+                free = ((contacts.coefficients != 0.0) & ~held[contacts.vertices]).any(axis=1)
+            if not closer.hit[free].any():
+                return contacts.part(~free), min(float(gap.min()), closer.smallest_gap)
+        return contacts, float(gap.min())
 
 
 def each_place_once(found: Contacts) -> Contacts:

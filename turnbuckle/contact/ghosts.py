@@ -34,8 +34,8 @@ class Ghosts:
         self.sheet = np.zeros(surfaces.vertices, dtype=bool)
         self.sheet[faces.ravel()] = True
         self.span = max(surfaces.vertices, 1)
-        step = sp.csr_array((np.ones(len(self.other), dtype=np.int8), self.other, self.start),
-                            shape=(surfaces.vertices,) * 2) + sp.eye_array(surfaces.vertices, dtype=np.int8)  # fmt: skip
+        step = sp.csr_array((np.ones(len(self.other), dtype=np.int32), self.other, self.start),
+                            shape=(surfaces.vertices,) * 2) + sp.eye_array(surfaces.vertices, dtype=np.int32)  # fmt: skip
         near = (step @ step).tocoo()  # vertices that two edges join, at most
         self.joined = np.sort(near.row.astype(np.int64) * self.span + near.col)
         code = edges[:, 0] * self.span + edges[:, 1]

@@ -27,7 +27,6 @@ wp.set_module_options({"enable_backward": False})
 KEPT = 0.35  # of delta: what comes nearer is a hit, and gets rows where anything is in the way
 ROOM = 0.1  # of delta: how far vertices may end from where a search of all thought
 MORE = 0.3  # of delta: the same, of a search for those that went farther
-CLOSE = 3  # a status: no hit, but near
 MANY = 0.2  # of the vertices: where more end farther away, everything is searched anew
 
 
@@ -52,7 +51,7 @@ MANY = 0.2  # of the vertices: where more end farther away, everything is search
 """
     + WALK
     + """
-    if (status) gap = 0.0;
+    if (status) gap = -1e300;
     gap_out.data[i] = gap;
     status_out.data[i] = status ? status : gap < reach * distance ? 3 : 0;
 """
@@ -68,7 +67,7 @@ def look_at_pairs(begin: int, kinds: I32, a: I32, b: I32, faces: I32, edges: I32
 
     ``shift`` (s,) is how far the ends of vertices are from where they were on the last way; asked for is ``keep`` times
     the mean of the ``delta`` of both sides. A pair that keeps less has no gap; one that keeps less than ``reach`` times
-    that is `CLOSE`.
+    that gets the status 3.
     """
     _look_at(kinds, a, b, faces, edges, x0, x1, shift, delta, keep, reach, tightness, limit, status_out, gap_out,
              begin + wp.tid())  # fmt: skip
@@ -79,7 +78,7 @@ class _Found:
     """Pairs of one search, and what is certified of them on the last way."""
 
     pairs: Pairs
-    gap: np.ndarray  # (n,) [m]
+    gap: np.ndarray  # (n,) [m], far below zero for those that were not walked, and for hits
     status: np.ndarray  # (n,) uint8
 
 
@@ -142,7 +141,11 @@ class Ways:
         far = np.einsum("sd,sd->s", away, away) > self.room**2
         if self.found and not far.any():
             return
-        if not self.found or far.mean() > MANY:
+        if (
+            not self.found
+            or far.mean() > MANY
+            or sum(more.pairs.count for more in self.found[1:]) > self.found[0].pairs.count
+        ):
             self.room = ROOM * self.surfaces.delta
             self.know(self.broad.candidates(self.x0, x1, self.surfaces.delta + 2.0 * self.room), x1, self.room)
             return
@@ -153,7 +156,7 @@ class Ways:
 
     @staticmethod
     def _unseen(pairs: Pairs) -> _Found:
-        return _Found(pairs, np.zeros(pairs.count), np.zeros(pairs.count, dtype=np.uint8))
+        return _Found(pairs, np.full(pairs.count, -np.inf), np.zeros(pairs.count, dtype=np.uint8))
 
     def _walk(self, found: _Found, ends: list[wp.array]) -> None:
         pairs, n = found.pairs, found.pairs.count

@@ -30,6 +30,7 @@ ROUGH = 5.0  # times the tolerance, while contacts are still being found
 FAST = 10.0  # times what gravity does in a step: where all is slower, the tolerance shrinks with the speed,
 REST = 1e-2  # to this part of itself, so that piles come to rest
 FEW = 60  # contacts that are solved anew by the dense solver where the default one does not converge
+SWEEPS = 500  # of it: what is pressed together beyond hope must not take minutes
 FREE = 1e-6  # of the tolerance: to what free velocities are solved where a solver asks for them
 
 
@@ -159,13 +160,13 @@ class Attempt:
     def _motion(self) -> Motion:
         return Motion(self.v, self.x1, self.bx1, self.q1)
 
-    def crossed(self, s1: np.ndarray) -> Contacts | None:
+    def crossed(self, s1: np.ndarray, held: np.ndarray | None = None) -> Contacts | None:
         """What the way to ``s1`` comes too near to; a way that is clear by a rough solution is solved in full first.
 
-        None where that solve finds nothing.
+        None where that solve finds nothing. ``held`` as in `Detector.crossed`.
         """
         with self.stepper.timed("ccd"):
-            found = self.stepper.detector.crossed(self.s0, s1)
+            found = self.stepper.detector.crossed(self.s0, s1, held=held)
         if self.stepper.opening is not None:
             found = self.stepper.opening.without(found)
         self.stepper.state.contact_found |= found.count > 0
@@ -173,7 +174,7 @@ class Attempt:
             return found
         self.rough = False
         full = self.solve(self.solved)
-        return None if full is None else self.crossed(full)
+        return None if full is None else self.crossed(full, held)
 
     def touching(self) -> np.ndarray:
         """Which rows of the last solution push, or are at what they ask for (m,) bool."""
@@ -233,7 +234,7 @@ class Attempt:
         """Rows of contacts that are new in this attempt."""
         stepper, surfaces, h = self.stepper, self.stepper.surfaces, self.h
         frame = frames(fresh.normal)
-        ratio = h / self.dt0 if self.dt0 > 0.0 else 1.0
+        ratio = h / self.dt0 * stepper.dynamics_of.share if self.dt0 > 0.0 else 1.0
         known, slid = stepper.memory.recall(fresh, ratio)
         slid |= self._slides(fresh)
         mu = surfaces.friction[surfaces.shape[fresh.vertices[:, 0]], surfaces.shape[fresh.vertices[:, 3]]]
@@ -284,10 +285,11 @@ class Attempt:
             plain = problem.j is self.rows and problem.e is None  # contacts alone, those of earlier rounds first
             known, self.solved_rows = self.solved_rows if plain else None, problem.count if plain else None
             found = stepper.solver.solve(problem, start, self.v.ravel(), tolerance, options.max_iterations, known)
-            if found.converged or problem.count > FEW or len(problem.free) > 30 * FEW:
+            if found.converged or problem.count > FEW or len(problem.free) > 30 * FEW or stepper.hopeless:
                 return found
             given = self._with_free(problem)
-            other = solve_anticipation(given, found.impulse, self.tolerance, friction_shape=options.friction_shape)
+            other = solve_anticipation(given, found.impulse, self.tolerance, SWEEPS, options.friction_shape)
+            stepper.hopeless = not other.converged
             return other if other.converged else found
         given = self._with_free(problem)
         if options.solver == "anticipation":

@@ -18,6 +18,7 @@ from turnbuckle.data.rows import Rows
 from turnbuckle.data.state import State
 from turnbuckle.geometry.quaternions import rotate
 from turnbuckle.scene.build_rigid_bodies import inertial_pose
+from turnbuckle.step.contact_turning import implicit_turn
 from turnbuckle.step.contact_zones import Nodes
 from turnbuckle.step.field_values import field_values
 
@@ -166,19 +167,20 @@ class ContactDynamics:
         return self.system.assemble(x, v, h, self.alpha, self.beta, gravity=self.state.gravity)
 
     def turned(self, h: float) -> np.ndarray:
-        """What a free turn over ``h`` changes of ``I w``: ``I (w_free - w)``, w_free with the same angular momentum later.
+        """What a free turn over ``h`` changes of ``I w``: ``I (w_free - w)``.
 
-        So a rigid body keeps its angular momentum over the turn that it is about to make: first-order, and never unstable.
+        w_free has the same angular momentum L after the turn ``h w_free`` that it leads (`implicit_turn`): of first order,
+        and it takes energy, if any. With the turn that the old w leads instead, fast bodies gain without a bound.
         """
         rigid = self.state.rigid
         q, w = host(rigid.q), host(rigid.w)
         inertia = self.model.rigid.inertia
         here = Rotation.from_quat(q)
-        momentum = here.apply(inertia * here.inv().apply(w))
-        later = Rotation.from_rotvec(h * w) * here
-        w_free = later.apply(later.inv().apply(momentum) / np.where(inertia > 0.0, inertia, 1.0))
-        out = here.apply(inertia * here.inv().apply(w_free - w))
-        out[~self.dynamic] = 0.0
+        own = here.inv().apply(w)
+        out = np.zeros_like(w)
+        some = self.dynamic
+        free = implicit_turn(inertia[some], own[some], h)
+        out[some] = here[some].apply(inertia[some] * (free - own[some])) if some.any() else 0.0
         return out
 
     def pushes(self, x: np.ndarray, v: np.ndarray, bx: np.ndarray, q: np.ndarray, t: float) -> np.ndarray:

@@ -42,7 +42,7 @@ class Pushable:
         None as in `Attempt.crossed`, which may have made another motion of the rough one: that is the one to walk along.
         """
         attempt = self.attempt
-        found = attempt.crossed(s1)
+        found = attempt.crossed(s1, None if self.every else self.held)
         if found is None:
             return None
         found = self._in_the_way(found, attempt.stepper.surfaces.positions(attempt.x1))

@@ -32,6 +32,7 @@ class ContactScheme(ABC):
     """How the dynamics of an attempt are made."""
 
     alpha = beta = 1.0  # of `turnbuckle.bodies.implicit_system`
+    share = 0.5  # at rest, part of a contact's impulse that moves; the rest is for velocities at the end
     fine = True  # contact is solved to a part of what gravity does in a step, however slow that is
 
     def __init__(self, stepper: "ContactStepper") -> None:
@@ -62,6 +63,7 @@ class BackwardEuler(ContactScheme):
     """``M (v1 - v0) = h F(x1, v1)``, x1 = x0 + h v1; by default one Newton iteration (3). Force fields at the start."""
 
     fine = False
+    share = 1.0
 
     @property
     def iterations(self) -> int:

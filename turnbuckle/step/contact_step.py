@@ -82,6 +82,7 @@ class ContactStepper:
         self._intersections = Intersections(self.surfaces, model.device, moves, threads)
         self._seconds: dict[str, float] = {}
         self.opening: Opening | None = None  # crossings of the start that are let apart
+        self.hopeless = False  # whether the dense solver has failed in this step, too
         self._scripts = bool(model.rigid.trajectories) or any(s.moves for s in model.scripted)
         self._known: np.ndarray | None = None  # positions of points that were found free of intersections
 
@@ -102,7 +103,7 @@ class ContactStepper:
         if not (math.isfinite(dt) and dt > 0.0):
             raise InputError(f"dt must be a positive number of seconds, got {dt}")
         began = time.perf_counter()
-        self._seconds = {}
+        self._seconds, self.hopeless = {}, False
         start = Snapshot(self.state)
         steps = self.state.steps
         try:
@@ -273,8 +274,8 @@ class ContactStepper:
             return report
         q = attempt.q1
         u, attempt.kept_impulse = without_recovery(attempt)
-        self._remember(attempt, attempt.kept_impulse)
         v = end_velocities(attempt, u)
+        self._remember(attempt, attempt.kept_impulse)
         body = self.model.body_of[dynamics.slaves]
         speeds = v[: self.model.points].copy()
         arm = rotate(q[body], self.model.rigid.local[dynamics.slaves])
@@ -331,7 +332,7 @@ class ContactStepper:
         return self._known is not None and np.array_equal(self._known, host(self.state.now.x))
 
     def _remember(self, attempt: Attempt, impulse: np.ndarray) -> None:
-        """What contacts pushed with, in their frames (m, 3), less what only let bodies apart."""
+        """What contacts pushed with in the step, in their frames (m, 3), less what only let bodies apart."""
         r = impulse[: attempt.solved.count]
         tangential = np.linalg.norm(r[:, 1:], axis=1)
         sliding = (r[:, 0] > 0.0) & (tangential >= attempt.friction * r[:, 0] * (1.0 - 1e-6))

@@ -48,6 +48,7 @@ class NewtonSolver:
 
     def __init__(self, device: str = "cpu", threads: int | None = None) -> None:
         self.device, self.threads = device, threads
+        self._on_gpu = wp.get_device(device).is_cuda
         self.buffers = Buffers(device)
         self._key: tuple = ()
         self.rows: EqualityRows | None = None
@@ -146,6 +147,11 @@ class NewtonSolver:
         self._small = bool((self.apart.astype(bool) | self._single | ~moving).all())
         self._record(self._tiles(n, m), self._threads(n, m))
 
+    @property
+    def _local(self) -> bool:
+        """Whether steps may be of a region: one processor finds it, and equality rows reach anywhere."""
+        return self.rows is None and not self._on_gpu
+
     @staticmethod
     def _tiles(n: int, m: int) -> int:
         return TILES if max(n, m) > SMALL else 1
@@ -155,7 +161,7 @@ class NewtonSolver:
 
     def _region(self, gradient: float, tolerance: float) -> bool:
         """Find the blocks that the next step is to move; False where that are all."""
-        if self.rows is not None:
+        if not self._local:
             return False
         least = max(NOTABLE * gradient, SETTLED * tolerance)
         if (self._speeds > least).any():  # bodies are to move as a whole
@@ -169,7 +175,7 @@ class NewtonSolver:
 
     def _update(self, least: float) -> Errors:
         """Update the multipliers and shifts that miss by more than ``least`` [m/s]."""
-        part = "some " if self.rows is None else ""
+        part = "some " if self._local else ""
         if part:
             self.buffers.write("least", np.array([least]))
             self._run("unsettled")

@@ -27,6 +27,7 @@ class Buffers:
         self.least = wp.zeros(1, dtype=real, device=device)
         self.zero = wp.zeros(1, dtype=real, device=device)
         self.length = wp.zeros(1, dtype=real, device=device)
+        self._all = 0  # numbers in the list of all
         self._arrays: dict[str, wp.array] = {}
 
     def __getattr__(self, name: str) -> wp.array:
@@ -78,8 +79,10 @@ class Buffers:
             self._room(name, m, real)
         self._room("contact_mark", m, wp.uint8)
         self._room("theirs", m, wp.int32)
-        if "all" not in self._arrays or self._arrays["all"].shape[0] < max(n, m):
-            self.put("all", np.arange(int(ROOM * max(n, m))), wp.int32)
+        self._room("all", max(n, m), wp.int32)
+        if self._all != self._arrays["all"].shape[0]:
+            self._all = self._arrays["all"].shape[0]
+            self.write("all", np.arange(self._all))
         self._room("sums", tiles, real)
         self._room("stiffened", tiles, real)
         self._room("pq", tiles, real)
