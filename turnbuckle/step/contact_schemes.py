@@ -33,6 +33,7 @@ class ContactScheme(ABC):
 
     alpha = beta = 1.0  # of `turnbuckle.bodies.implicit_system`
     share = 0.5  # at rest, part of a contact's impulse that moves; the rest is for velocities at the end
+    may_gain = False  # energy, where it is linearised from afar
     fine = True  # contact is solved to a part of what gravity does in a step, however slow that is
 
     def __init__(self, stepper: "ContactStepper") -> None:
@@ -64,10 +65,11 @@ class BackwardEuler(ContactScheme):
 
     fine = False
     share = 1.0
+    may_gain = True
 
     @property
     def iterations(self) -> int:
-        return self.stepper.options.newton
+        return self.stepper.options.newton + self.stepper.more
 
     def begin(self, attempt: "Attempt") -> bool:
         dynamics, h = self.stepper.dynamics, attempt.h

@@ -46,6 +46,8 @@ from turnbuckle.step.contact_zones import Zones, clear_with_zones
 from turnbuckle.step.goals import move_goals
 from turnbuckle.step.snapshot import Snapshot
 
+GAINED = 0.01  # of the energy of motion and strain: a step that makes more is made again
+MORE = 4  # with so many Newton iterations more
 TOLD = 3  # pairs of bodies that a message names
 
 
@@ -82,6 +84,7 @@ class ContactStepper:
         self._intersections = Intersections(self.surfaces, model.device, moves, threads)
         self._seconds: dict[str, float] = {}
         self.opening: Opening | None = None  # crossings of the start that are let apart
+        self.more = 0  # Newton iterations beyond those of the options
         self.hopeless = False  # whether the dense solver has failed in this step, too
         self._scripts = bool(model.rigid.trajectories) or any(s.moves for s in model.scripted)
         self._known: np.ndarray | None = None  # positions of points that were found free of intersections
@@ -112,7 +115,10 @@ class ContactStepper:
             )  # a run may be resumed while it opens
             if (self.state.stale or grows) and not self._is_known():
                 self.check_start()
+            lost = self.state.dissipation
             report = self._advance(dt, self.options.halvings)
+            if self.opening is None and self._gains(report, lost):
+                report = self._again(dt, start, report, lost)
             if self.opening is not None and report.status != "failed":
                 self._tell_crossings(report)
         except (FloatingPointError, np.linalg.LinAlgError, StepError) as error:
@@ -151,6 +157,30 @@ class ContactStepper:
         if depth == 0:
             return self._last_resort(attempt, refined, pushable)
         return self._halved(attempt, h, depth)
+
+    def _gains(self, report: StepReport, lost: float) -> bool:
+        """Whether a step of backward Euler made energy, more than what solutions are good to; it was ``lost`` before [J]."""
+        if report.status == "failed" or not self.dynamics_of.may_gain:
+            return False
+        mass = float(np.maximum(self.model.mass, 0.0).sum())
+        falls = 0.5 * mass * float(np.sum((self.state.gravity * report.dt) ** 2))
+        return self.state.dissipation - lost < -GAINED * (
+            report.energies["kinetic"] + report.energies["elastic"] + falls
+        )
+
+    def _again(self, dt: float, start: Snapshot, report: StepReport, lost: float) -> StepReport:
+        """The step once more, linearised about where it ends, which is what one linearisation from afar lacks."""
+        gain, end = self.state.dissipation - lost, Snapshot(self.state)
+        start.restore(self.state)
+        self.more = MORE
+        try:
+            other = self._advance(dt, self.options.halvings)
+        finally:
+            self.more = 0
+        if other.status == "failed" or self.state.dissipation - lost < gain:
+            end.restore(self.state)
+            return report
+        return other
 
     def _refined(self, contacts: Contacts, attempt: Attempt, pushable: Pushable) -> Refined:
         """Refinement of an attempt; the first rows for crossings are those that say most."""
