@@ -34,6 +34,8 @@ from turnbuckle.solvers.contact.newton_search import best_length
 from turnbuckle.solvers.contact.splitting import Splitting
 
 SCALE = 2.0, 0.3  # rho times the compliance of a contact by itself; where small bodies are factored
+FORCING = 0.2, 0.02  # part of the gradient that conjugate gradients may leave: at first,
+STUBBORN = 40  # and after so many steps
 GATE = 1.5  # multipliers are updated once the gradient is below this times what they miss by
 TILES = 64
 SMALL = 500  # blocks and contacts below which one thread does all
@@ -90,6 +92,7 @@ class NewtonSolver:
         b.write("multiplier", np.zeros((m, 3)) if start is None else start)
         b.write("scale", np.array([SCALE[self.factors is not None]]))
         b.write("goal", np.array([tolerance]))
+        b.write("forcing", np.array([FORCING[0]]))
         b.write("missed", np.full(m, np.inf))
         self._run("begin")  # penalties of a last call may have grown
         if self.rows is not None:
@@ -122,6 +125,8 @@ class NewtonSolver:
             tries, errors = self._newton_step(part)
             cg += tries
             newton += 1
+            if newton == STUBBORN:
+                b.write("forcing", np.array([FORCING[1]]))
         converged |= not message and errors.worst <= tolerance
         equality = np.zeros(0) if self.rows is None else self.rows.impulse
         return ContactSolution(

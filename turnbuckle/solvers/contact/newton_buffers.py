@@ -24,6 +24,7 @@ class Buffers:
         self.scale = wp.zeros(1, dtype=real, device=device)
         self.kept = wp.zeros(1, dtype=int, device=device)
         self.goal = wp.zeros(1, dtype=real, device=device)
+        self.forcing = wp.zeros(1, dtype=real, device=device)
         self.least = wp.zeros(1, dtype=real, device=device)
         self.zero = wp.zeros(1, dtype=real, device=device)
         self.length = wp.zeros(1, dtype=real, device=device)

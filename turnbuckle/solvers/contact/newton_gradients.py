@@ -38,14 +38,16 @@ def begin_gradients(begin: int, tiles: int, sizes: wp.array(dtype=int), of: int,
 
 
 @wp.kernel
-def first_direction(begin: int, tiles: int, sums: wp.array(dtype=real), forcing: real, scalars: wp.array(dtype=real)):
+def first_direction(
+    begin: int, tiles: int, sums: wp.array(dtype=real), forcing: wp.array(dtype=real), scalars: wp.array(dtype=real)
+):
     """beta = 0, and the goal: ``forcing`` of the first residual."""
     total = real(0.0)
     for tile in range(tiles):
         total += sums[tile]
     scalars[RZ] = total
     scalars[BETA] = real(0.0)
-    scalars[GOAL] = forcing * forcing * total
+    scalars[GOAL] = forcing[0] * forcing[0] * total
     scalars[TRIES] = real(0.0)
     if total <= real(0.0):
         scalars[DONE] = real(1.0)

@@ -15,7 +15,6 @@ from turnbuckle.solvers.contact.newton_buffers import Buffers
 from turnbuckle.solvers.contact.newton_region import region, unsettled
 from turnbuckle.solvers.contact.newton_search import along, slopes
 
-FORCING = 0.2  # part of the gradient that conjugate gradients may leave
 BATCH = 8  # iterations of conjugate gradients between two looks at the result
 CG_LIMIT = 200.0
 SLOW = 0.7  # contacts that gain less from an update of multipliers
@@ -119,7 +118,7 @@ class Programs:
             advance, *apply, (gradients.next_direction, [t, b.sums, CG_LIMIT, b.scalars], 1),
         )  # fmt: skip
         begin = (gradients.begin_gradients, [*blocked, b.g, b.residual, b.dv, b.p, b.q, b.pq, b.scalars], t)
-        first = (gradients.first_direction, [t, b.sums, FORCING, b.scalars], 1)
+        first = (gradients.first_direction, [t, b.sums, b.forcing, b.scalars], 1)
         batch = BATCH if self.project is None else 1
         return {
             "blocks": (
