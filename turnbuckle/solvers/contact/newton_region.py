@@ -1,6 +1,6 @@
 """Where there is something left to do: the blocks that a Newton step moves.
 
-After a few steps on everything, and in the rounds of refinement that follow the first, what is unsettled are some dozens
+After a step on everything, and in the rounds of refinement that follow the first, what is unsettled are some dozens
 of places where contacts change, while thousands of blocks rest. A step then moves the blocks whose gradient is a notable
 part of the largest, and their neighbours, by A or by a contact that pushes; of small bodies, all blocks. It is a Newton
 step of the same function on fewer unknowns. Nothing is held for longer than a step, so what a step disturbs around it is

@@ -12,7 +12,7 @@ turns, with R > 0 a weight of each contact:
 
 A contact that has the same compliance in all directions is solved in closed form, friction and all: nothing is
 linearised. K adds to the diagonal of A (`splitting_kernels.majorant`), so bodies stay apart from each other, and small
-ones are factored once a problem. Information travels a body an iteration, which is why some dozens of cheap iterations
+ones are factored when their weights change. Information travels a body an iteration, which is why some dozens of cheap iterations
 bring a heap of bodies to within what Newton's method would need dozens of solves with all bodies for. Convergence is
 linear, and over-relaxed by 1.7.
 """
