@@ -12,7 +12,7 @@ def test_intersections_are_counted_where_detection_is_blind(monkeypatch: pytest.
     scene.add_rigid("box", box=[0.2, 0.2, 0.2], position=[0.0, 0.0, 0.15], velocity=[0.0, 0.0, -4.0])
     simulation = turnbuckle.Simulation(scene)
     assert simulation.step(1e-4).intersections == 0
-    monkeypatch.setattr(simulation.stepper.detector, "crossed", lambda x0, x1, slack=0.0: no_contacts())
+    monkeypatch.setattr(simulation.stepper.detector, "crossed", lambda x0, x1, **_: no_contacts())
     monkeypatch.setattr(simulation.stepper.detector, "near", lambda x0, towards=None: no_contacts())
     for _ in range(2):
         report = simulation.step()
