@@ -149,7 +149,7 @@ class ContactOptions:
     proximity: bool = True  # start with pairs nearer than the tolerance (Contact, 4)
     rows: str = "position"  # "position" | "velocity": non-approaching velocities, as the paper compares
     tolerance: float = 1e-2  # of what gravity or a quarter of delta do in a step: what velocities may miss by [1]
-    max_iterations: int = 200
+    max_iterations: int = 500
     recovery: float = 0.05  # [m/s] the fastest at which contacts that are too near are let apart
     newton: int = 1  # Newton iterations of the implicit scheme a step
     on_intersection: str = "refuse"  # "refuse" | "grow"

@@ -63,7 +63,7 @@ class ContactDef(Definition):
     tolerance: Positive = Field(
         default=1e-2, description="What velocities may miss by, of what gravity or delta / 4 do in a step [1]."
     )
-    max_iterations: Count = Field(default=200, description="Limit on iterations of the solver [1].")
+    max_iterations: Count = Field(default=500, description="Limit on iterations of the solver [1].")
     recovery: Positive = Field(default=0.05, description="Fastest at which what is too near is let apart [m/s].")
     newton: Count = Field(default=1, description="Newton iterations of the implicit scheme in a step [1].")
     on_intersection: Literal["refuse", "grow"] = Field(
