@@ -1,4 +1,4 @@
-"""Reading device arrays from the host."""
+"""Reading and writing device arrays from the host."""
 
 import numpy as np
 import warp as wp
@@ -13,3 +13,11 @@ def host(array: wp.array) -> np.ndarray:
         view = array.numpy()
         array._turnbuckle_view = view
     return view
+
+
+def write(array: wp.array, values: np.ndarray) -> None:
+    """Values into the first places of an array, whatever the device."""
+    if array.device.is_cpu:
+        host(array)[: len(values)] = values
+    elif len(values):
+        array[: len(values)].assign(np.ascontiguousarray(values))

@@ -7,7 +7,7 @@
 import numpy as np
 import warp as wp
 
-from turnbuckle.compute.host import host
+from turnbuckle.compute.host import host, write
 from turnbuckle.compute.program import Program
 from turnbuckle.contact.broad_boxes import Features, feature_boxes, make_features, vertex_boxes
 from turnbuckle.contact.broad_brute import fill_brute, find_brute
@@ -22,14 +22,6 @@ METHODS = ("bvh", "hash", "brute")
 SMALL = 2000  # features below which one thread does it all
 LOOK = 16  # calls between two looks at the order of the tree
 GROWN = 1.3  # by how much it may have fallen into disorder before leaves are dealt out anew
-
-
-def write(array: wp.array, values: np.ndarray) -> None:
-    """All values of an array."""
-    if array.device.is_cpu:
-        host(array)[:] = values
-    else:
-        array.assign(np.ascontiguousarray(values, dtype=wp.dtype_to_numpy(array.dtype)))
 
 
 class _Search:
@@ -84,7 +76,7 @@ class _Targets:
     def restrict(self, only: np.ndarray) -> None:
         """Take features as moving that move and have a vertex among ``only`` (s,) bool."""
         moves = self.numbers.moves & only[self.numbers.corners].any(axis=1)
-        write(self.features.moves, moves)
+        write(self.features.moves, moves.astype(np.uint8))
         if self.tree is not None and len(moves):
             write(self.tree.tag, mark_moves(host(self.tree.most), host(self.tree.tag), moves, self.levels))
 
@@ -158,7 +150,7 @@ class BroadPhase:
 
     def _restrict(self, only: np.ndarray) -> None:
         """Pairs of which neither side moves are left out: so let nothing move but ``only``."""
-        write(self.vertices.moves, self._numbers.moves & only)
+        write(self.vertices.moves, (self._numbers.moves & only).astype(np.uint8))
         for targets in (self.faces, self.edges):
             targets.restrict(only)
 
@@ -204,10 +196,7 @@ class BroadPhase:
                 search.count = int(ends[-1])
                 if search.count >= 2**31:
                     raise InputError("broad phase: more than 2^31 pairs; make the step or the tolerance smaller")
-                if search.offset.device.is_cpu:
-                    host(search.offset)[:] = ends - total
-                else:
-                    search.offset.assign((ends - total).astype(np.int32))
+                write(search.offset, (ends - total).astype(np.int32))
                 anew |= search.reserve(search.count, self.device)
         if anew or self._fill is None:
             self._fill = self._record_fill()
@@ -220,10 +209,7 @@ class BroadPhase:
         origin = 0.5 * (x0.min(axis=0) + x0.max(axis=0))
         wide = np.broadcast_to(np.asarray(inflation, dtype=np.float64), len(x0))
         for array, value in ((self._x0, x0), (self._x1, x1), (self._inflation, wide), (self._origin, origin[None])):
-            if array.device.is_cpu:
-                host(array)[:] = value
-            else:
-                array.assign(np.ascontiguousarray(value))
+            write(array, value)
 
     def _deal(self, x: np.ndarray) -> None:
         for targets in self._targets:

@@ -115,10 +115,10 @@ class ContactStepper:
             )  # a run may be resumed while it opens
             if (self.state.stale or grows) and not self._is_known():
                 self.check_start()
-            lost = self.state.dissipation
+            dissipated = self.state.dissipation
             report = self._advance(dt, self.options.halvings)
-            if self.opening is None and self._gains(report, lost):
-                report = self._again(dt, start, report, lost)
+            if self.opening is None and self._gains(report, dissipated):
+                report = self._again(dt, start, report, dissipated)
             if self.opening is not None and report.status != "failed":
                 self._tell_crossings(report)
         except (FloatingPointError, np.linalg.LinAlgError, StepError) as error:
@@ -158,26 +158,32 @@ class ContactStepper:
             return self._last_resort(attempt, refined, pushable)
         return self._halved(attempt, h, depth)
 
-    def _gains(self, report: StepReport, lost: float) -> bool:
-        """Whether a step of backward Euler made energy, more than what solutions are good to; it was ``lost`` before [J]."""
+    def _gains(self, report: StepReport, dissipated: float) -> bool:
+        """Whether a step of backward Euler made energy, more than solutions are good to; ``dissipated`` [J] before it."""
         if report.status == "failed" or not self.dynamics_of.may_gain:
             return False
-        mass = float(np.maximum(self.model.mass, 0.0).sum())
+        dynamics = self.dynamics
+        mass = float(np.maximum(self.model.mass, 0.0).sum() + self.model.rigid.mass[dynamics.dynamic].sum())
         falls = 0.5 * mass * float(np.sum((self.state.gravity * report.dt) ** 2))
-        return self.state.dissipation - lost < -GAINED * (
+        return self.state.dissipation - dissipated < -GAINED * (
             report.energies["kinetic"] + report.energies["elastic"] + falls
         )
 
-    def _again(self, dt: float, start: Snapshot, report: StepReport, lost: float) -> StepReport:
-        """The step once more, linearised about where it ends, which is what one linearisation from afar lacks."""
-        gain, end = self.state.dissipation - lost, Snapshot(self.state)
+    def _again(self, dt: float, start: Snapshot, report: StepReport, dissipated: float) -> StepReport:
+        """The step once more, linearised about where it ends, which is what one linearisation from afar lacks.
+
+        Where that fails, or makes more energy still, the step stays as it was.
+        """
+        first, end = self.state.dissipation - dissipated, Snapshot(self.state)
         start.restore(self.state)
-        self.more = MORE
+        self.more, other = MORE, None
         try:
             other = self._advance(dt, self.options.halvings)
+        except (FloatingPointError, np.linalg.LinAlgError, StepError):
+            pass
         finally:
             self.more = 0
-        if other.status == "failed" or self.state.dissipation - lost < gain:
+        if other is None or other.status == "failed" or self.state.dissipation - dissipated < first:
             end.restore(self.state)
             return report
         return other

@@ -12,6 +12,8 @@ such a step says nothing of how they tumble, and so their energy stays within th
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from turnbuckle.bodies.stiffness import skew
+
 ITERATIONS = 30
 ROUND_OFF = 1e-14
 MOST = 3.0  # [rad]
@@ -41,16 +43,10 @@ def _turns(inertia: np.ndarray, w: np.ndarray, h: float) -> np.ndarray:
             miss = part * momentum - here
             if (np.linalg.norm(miss, axis=1) <= ROUND_OFF * part * size).all():
                 break
-            slope = r * inertia[:, None, :] - _cross(here) @ _left_jacobian(turn)
+            slope = r * inertia[:, None, :] - skew(here) @ _left_jacobian(turn)
             turn = turn + np.linalg.solve(slope, miss[:, :, None])[:, :, 0]
     lost = np.linalg.norm(turn, axis=1) > 2.0 * MOST  # does not happen, but a step must not end by it
     return np.where(lost[:, None], h * w, turn)
-
-
-def _cross(v: np.ndarray) -> np.ndarray:
-    out = np.zeros((len(v), 3, 3))
-    out[:, 0, 1], out[:, 0, 2], out[:, 1, 2] = -v[:, 2], v[:, 1], -v[:, 0]
-    return out - out.transpose(0, 2, 1)
 
 
 def _left_jacobian(turn: np.ndarray) -> np.ndarray:
@@ -60,5 +56,5 @@ def _left_jacobian(turn: np.ndarray) -> np.ndarray:
     safe = np.where(small, 1.0, angle)
     a = np.where(small, 0.5 - angle**2 / 24.0, (1.0 - np.cos(safe)) / safe**2)
     b = np.where(small, 1.0 / 6.0 - angle**2 / 120.0, (safe - np.sin(safe)) / safe**3)
-    x = _cross(turn)
+    x = skew(turn)
     return np.eye(3) + a[:, None, None] * x + b[:, None, None] * (x @ x)

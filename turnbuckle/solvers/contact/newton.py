@@ -29,7 +29,7 @@ from turnbuckle.solvers.contact.newton_drift import Drift
 from turnbuckle.solvers.contact.newton_equality import EqualityRows
 from turnbuckle.solvers.contact.newton_errors import LOST, Errors
 from turnbuckle.solvers.contact.newton_programs import Programs
-from turnbuckle.solvers.contact.newton_region import KEPT, MOST, NOTABLE, SETTLED
+from turnbuckle.solvers.contact.newton_region import MOST, NOTABLE, SETTLED, SLIGHT
 from turnbuckle.solvers.contact.newton_search import best_length
 from turnbuckle.solvers.contact.splitting import Splitting
 
@@ -111,7 +111,7 @@ class NewtonSolver:
                 converged = True
                 break
             if errors.gradient <= max(GATE * errors.multipliers, exact):
-                errors = self._update(KEPT * tolerance if updates else 0.0)
+                errors = self._update(SLIGHT * tolerance if updates else 0.0)
                 updates += 1
             if errors.gradient <= (SETTLED * tolerance if newton else exact):
                 continue

@@ -4,7 +4,7 @@ import numpy as np
 import scipy.sparse as sp
 import warp as wp
 
-from turnbuckle.compute import host
+from turnbuckle.compute.host import host, write
 from turnbuckle.data.contact import ContactProblem
 from turnbuckle.math.types import real
 from turnbuckle.solvers.contact.newton_kernels import SCALARS, SIZES
@@ -95,11 +95,7 @@ class Buffers:
 
     def write(self, name: str, values: np.ndarray) -> None:
         """Values into the first places of an array."""
-        array = getattr(self, name) if name in self.__dict__ else self._arrays[name]
-        if array.device.is_cpu:
-            host(array)[: len(values)] = values
-        elif len(values):
-            array[: len(values)].assign(np.ascontiguousarray(values))
+        write(getattr(self, name), values)
 
     def read(self, name: str, count: int) -> np.ndarray:
         """A copy of the first places of an array."""

@@ -16,7 +16,7 @@ wp.set_module_options({"enable_backward": False})
 
 NOTABLE = 0.01  # of the largest |D_A^-1 g|
 SETTLED = 0.3  # of the tolerance: blocks whose gradient is smaller are left alone
-KEPT = 0.2  # of the tolerance: multipliers and shifts that miss by less keep their values
+SLIGHT = 0.2  # of the tolerance: multipliers and shifts that miss by less keep their values
 MOST = 0.6  # of all blocks: a step on more than that takes them all
 
 
