@@ -129,11 +129,8 @@ def test_sliding_converges_with_the_first_order() -> None:
     assert errors[1] < 0.35 * errors[0] and errors[2] < 0.35 * errors[1]
 
 
-SINKS = pytest.mark.xfail(reason="what sinks by the tolerance to half of delta is caught at edges inside of the floor")
-
-
-@pytest.mark.parametrize("kind", [pytest.param("rigid", marks=SINKS), "soft"])
-def test_dynamic_friction_holds_on_a_floor_of_many_triangles(kind: str) -> None:
+@pytest.mark.parametrize(("kind", "part"), [("rigid", 0.002), ("soft", 0.03)])
+def test_dynamic_friction_holds_on_a_floor_of_many_triangles(kind: str, part: float) -> None:
     """A body that slides meets new triangles in every step; its friction stays that of sliding."""
     n, dt = 80, 0.01
     line = np.linspace(-0.9, 1.1, n + 1)
@@ -152,4 +149,4 @@ def test_dynamic_friction_holds_on_a_floor_of_many_triangles(kind: str) -> None:
     step_well(sim, 10)
     first = np.linalg.norm(speed(sim, "block"))
     step_well(sim, 15)
-    assert first - np.linalg.norm(speed(sim, "block")) == pytest.approx(0.3 * G * 0.15, rel=0.05)
+    assert first - np.linalg.norm(speed(sim, "block")) == pytest.approx(0.3 * G * 0.15, rel=part)

@@ -16,6 +16,7 @@ from turnbuckle.step.contact_dynamics import Prescribed
 from turnbuckle.step.contact_equality import split
 from turnbuckle.step.contact_limits import Limits, stacked
 from turnbuckle.step.contact_rows import contact_rows, frames
+from turnbuckle.step.contact_tolerance import solver_tolerance
 
 if TYPE_CHECKING:
     from turnbuckle.step.contact_step import ContactStepper
@@ -24,11 +25,7 @@ NEAR = 0.6  # of delta: contacts nearer than this are let apart; between, they s
 HELD = 0.45  # of delta: what rows on the way ask of what was near at the start
 RECOVERED = 0.2  # part of what a contact is too near by that a step gives back
 SLIDING = 10.0  # of the tolerance: tangential speeds at the start beyond which a contact slides
-LEAST = 1e-9  # [m/s] the smallest tolerance
-PART = 0.25  # of delta: a motion in a step that the tolerance is a part of, where gravity does less
 ROUGH = 5.0  # times the tolerance, while contacts are still being found
-FAST = 10.0  # times what gravity does in a step: where all is slower, the tolerance shrinks with the speed,
-REST = 1e-2  # to this part of itself, so that piles come to rest
 FEW = 60  # contacts that are solved anew by the dense solver where the default one does not converge
 SWEEPS = 500  # of it: what is pressed together beyond hope must not take minutes
 FREE = 1e-6  # of the tolerance: to what free velocities are solved where a solver asks for them
@@ -60,14 +57,7 @@ class Attempt:
         self.friction = np.zeros(0)
         self.gap, self.target = np.zeros(0), np.zeros(0)  # [m] of rows at the start, and what they ask for at the end
         self.rows = _no_rows(3 * dynamics.n)
-        gravity = float(np.linalg.norm(state.gravity)) * h
-        still = PART * float(stepper.surfaces.delta.min()) / h if stepper.surfaces.vertices else 0.0
-        if stepper.dynamics_of.fine and gravity > 0.0:
-            still = 0.0
-        scale = max(gravity, still)
-        fastest = float(np.sqrt(np.einsum("ij,ij->i", self.v0, self.v0)[~self.prescribed.fixed].max(initial=0.0)))
-        pace = min(max(fastest / (FAST * scale), REST), 1.0) if scale > 0.0 else 1.0
-        self.tolerance = max(model.contact.tolerance * scale * pace, LEAST)
+        self.tolerance = solver_tolerance(stepper, np.linalg.norm(self.v0[~self.prescribed.fixed], axis=1), h)
         self.iterations: dict[str, int] = {}
         self.solved_rows: int | None = None  # of the last solve, where A and loads are the same still
         self.free: np.ndarray | None = None
@@ -236,7 +226,6 @@ class Attempt:
         frame = frames(fresh.normal)
         ratio = h / self.dt0 * stepper.dynamics_of.share if self.dt0 > 0.0 else 1.0
         known, slid = stepper.memory.recall(fresh, ratio)
-        slid |= self._slides(fresh)
         mu = surfaces.friction[surfaces.shape[fresh.vertices[:, 0]], surfaces.shape[fresh.vertices[:, 3]]]
         gap = np.einsum("mk,mkd,md->m", fresh.coefficients, self.s0[fresh.vertices], fresh.normal)
         delta = stepper.detector.deltas(fresh.kind, fresh.a, fresh.b)
@@ -249,6 +238,8 @@ class Attempt:
         )  # the normal is that at the impact: seen along it both are
         target[turned] = np.minimum(target, np.maximum(gap, HELD * delta))[turned]  # nearer, and need not be parted
         rows = contact_rows(surfaces, fresh, frame, self.arms, stepper.map)
+        passing = (rows @ self.v0.ravel()).reshape(-1, 3)[:, 1:]  # [m/s] a pair that is new may be of bodies that slid
+        slid |= np.linalg.norm(passing, axis=1) > SLIDING * self.tolerance
         self.rows = stacked([self.rows, rows])
         self.frame = np.concatenate([self.frame, frame])
         self.impulse = np.concatenate([self.impulse, known])
@@ -262,13 +253,6 @@ class Attempt:
         folded = few[self.stepper.detector.ghosts.in_folds(contacts.part(few))]
         rest[folded] = KEPT * delta[folded]
         return rest
-
-    def _slides(self, contacts: Contacts) -> np.ndarray:
-        """Whether the places of contacts pass each other at the start (m,): a pair that is new may be of bodies that slid."""
-        speeds = self.stepper.surfaces.positions(self.v0[: self.stepper.model.points])
-        u = np.einsum("mk,mkd->md", contacts.coefficients, speeds[contacts.vertices])
-        u -= np.einsum("md,md->m", u, contacts.normal)[:, None] * contacts.normal
-        return np.linalg.norm(u, axis=1) > SLIDING * self.tolerance
 
     def _solved(self, problem: ContactProblem, start: np.ndarray) -> ContactSolution:
         """By the solver that the scene names."""

@@ -3,7 +3,7 @@
 import numpy as np
 import scipy.sparse as sp
 
-from turnbuckle.data.contact import VERTEX_FACE, Contacts, Surfaces
+from turnbuckle.data.contact import EDGE_EDGE, VERTEX_FACE, Contacts, Surfaces
 from turnbuckle.data.state import State
 
 
@@ -95,6 +95,12 @@ class Memory:
     def _key(self, contacts: Contacts) -> np.ndarray:
         a, b = contacts.a.astype(np.int64), contacts.b.astype(np.int64)
         return ((contacts.kind != VERTEX_FACE) * self._span + a) * self._span + b
+
+    def pairs(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Kind, a and b (n,) of each, as in `Contacts`."""
+        kind_and_a, b = np.divmod(self.keys, self._span)
+        other, a = np.divmod(kind_and_a, self._span)
+        return np.where(other == 0, VERTEX_FACE, EDGE_EDGE), a, b
 
     def same(self, contacts: Contacts, known: Contacts) -> np.ndarray:
         """Which contacts (m,) are of pairs that are known."""

@@ -41,6 +41,7 @@ from turnbuckle.step.contact_pushable import Pushable
 from turnbuckle.step.contact_report import ContactReports
 from turnbuckle.step.contact_rows import Memory, PointMap
 from turnbuckle.step.contact_schemes import BackwardEuler, ContactScheme, Newmark
+from turnbuckle.step.contact_tolerance import body_masses
 from turnbuckle.step.contact_velocities import end_velocities, without_recovery
 from turnbuckle.step.contact_zones import Zones, clear_with_zones
 from turnbuckle.step.goals import move_goals
@@ -70,6 +71,7 @@ class ContactStepper:
         self.detector = Detector(self.surfaces, moves, model.device, self.options.broad_phase)
         self.solver = NewtonSolver(model.device)
         self.memory = Memory(self.surfaces, state)
+        self.body_masses = body_masses(model, self.dynamics.dynamic)
         self.joints = ContactJoints(model, state)
         self.reports = ContactReports(model, state)
         self.scheme = SCHEMES[model.integrator]()

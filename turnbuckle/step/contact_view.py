@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from turnbuckle.data.contact import VERTEX_FACE
 from turnbuckle.step.contact_step import ContactStepper
 from turnbuckle.step.step import Stepper
 
@@ -26,8 +27,8 @@ def contact_forces(stepper: Stepper | ContactStepper) -> ContactForces:
         return ContactForces(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, dtype=bool))
     memory, surfaces = stepper.memory, stepper.surfaces
     pushes = np.flatnonzero((memory.impulse != 0.0).any(axis=1))
-    first = memory.keys[pushes] // memory._span  # (kind, a) of the keys that `Memory` sorts by
-    at_vertex, a = (first // memory._span) == 0, first % memory._span
+    kind, a, _ = (values[pushes] for values in memory.pairs())
+    at_vertex = kind == VERTEX_FACE
     s = surfaces.positions(stepper.state.positions())
     place = np.zeros((len(pushes), 3))
     place[at_vertex] = s[a[at_vertex]]

@@ -94,6 +94,7 @@ class NewtonSolver:
         b.write("goal", np.array([tolerance]))
         b.write("forcing", np.array([FORCING[0]]))
         b.write("missed", np.full(m, np.inf))
+        b.write("stride", np.zeros(m))
         self._run("begin")  # penalties of a last call may have grown
         if self.rows is not None:
             self.rows.meet()

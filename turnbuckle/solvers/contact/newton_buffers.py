@@ -76,7 +76,7 @@ class Buffers:
         for name in ("multiplier", "r", "y", "u", "du", "copy", "push"):
             self._room(name, m, wp.vec3d)
         self._room("d", m, wp.mat33d)
-        for name in ("rho", "shift", "weight", "span", "missed", "primal", "wrong"):
+        for name in ("rho", "shift", "weight", "span", "missed", "lag", "stride", "primal", "wrong"):
             self._room(name, m, real)
         self._room("contact_mark", m, wp.uint8)
         self._room("theirs", m, wp.int32)

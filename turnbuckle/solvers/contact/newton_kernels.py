@@ -126,12 +126,15 @@ def contact_forces(begin: int, tiles: int, sizes: wp.array(dtype=int), of: int, 
 @wp.kernel
 def update_multipliers(begin: int, tiles: int, sizes: wp.array(dtype=int), of: int, which: wp.array(dtype=int), u: wp.array(dtype=wp.vec3d),
                        mu: wp.array(dtype=real), r: wp.array(dtype=wp.vec3d), goal: wp.array(dtype=real), slow: real,
-                       growth: real, rho: wp.array(dtype=real), missed: wp.array(dtype=real),
-                       shift_out: wp.array(dtype=real), multiplier: wp.array(dtype=wp.vec3d)):  # fmt: skip
+                       growth: real, most: real, rho: wp.array(dtype=real), missed: wp.array(dtype=real),
+                       lag: wp.array(dtype=real), stride: wp.array(dtype=real), shift: wp.array(dtype=real),
+                       multiplier: wp.array(dtype=wp.vec3d)):  # fmt: skip
     """l <- r, and the shift of De Saxce, mu |u_t|, which turns the cone's projection into Coulomb's law.
 
     The penalty of a contact that still misses more than the goal, and hardly less than at the last update, grows: what is
     squeezed between others is far stiffer than it is by itself.
+    Where less pressure lets a contact slide faster, mu |u_t| runs away from its shift, and comes to rest slowly: by k / (1 +
+    k) an update, k = mu d|u_t| / d u_n. There the shift takes secant steps, of ``most`` times the usual length at most.
     """
     tile = begin + wp.tid()
     for t in range(place(tile, tiles, sizes[of]), place(tile + 1, tiles, sizes[of])):
@@ -141,7 +144,15 @@ def update_multipliers(begin: int, tiles: int, sizes: wp.array(dtype=int), of: i
             rho[c] = growth * rho[c]
         missed[c] = miss
         multiplier[c] = r[c]
-        shift_out[c] = mu[c] * slip(u[c])
+        behind = mu[c] * slip(u[c]) - shift[c]
+        longer = real(1.0)
+        if wp.abs(behind) > goal[0] and stride[c] != real(0.0) and r[c][0] > real(0.0):
+            slope = (lag[c] - behind) / stride[c]
+            longer = wp.where(slope * most > real(1.0), wp.max(real(1.0) / slope, real(0.5)), most)
+        after = wp.max(shift[c] + longer * behind, real(0.0))
+        stride[c] = after - shift[c]
+        lag[c] = behind
+        shift[c] = after
 
 
 @wp.kernel
