@@ -4,8 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 from tests.reference import contact_problem
+from turnbuckle.data.contact import ContactProblem
+from turnbuckle.solvers.contact import newton_programs
 from turnbuckle.solvers.contact.anticipation import solve_anticipation
 from turnbuckle.solvers.contact.newton import NewtonSolver, solve_newton
 from turnbuckle.solvers.contact.residuals import contact_residuals
@@ -50,6 +53,30 @@ def test_a_warm_start_needs_no_step():
     first = solve_newton(problem, tolerance=1e-9, max_iterations=2000)
     again = NewtonSolver().solve(problem, first.impulse, first.velocity, 1e-5)
     assert again.converged and again.iterations["newton"] <= 1
+
+
+def test_contacts_that_slide_faster_where_they_are_pressed_less(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One block of which friction takes a hundred times what a push does: the shift alone would come near by 2 % an update.
+
+    In closed form: it slides along +t, so r_t = -mu r_n, and u_n = 0 gives r_n = -v*_n / (W_nn - mu W_nt).
+    """
+    mu, w = 0.5, np.array([[1.0, 1.0, 0.0], [1.0, 100.0, 0.0], [0.0, 0.0, 100.0]])
+    one = sp.bsr_array((np.eye(3)[None], [0], [0, 1]), shape=(3, 3))
+    a = sp.bsr_array((np.linalg.inv(w)[None], [0], [0, 1]), shape=(3, 3))
+    free = np.array([-1.0, 150.0, 0.0])
+    problem = ContactProblem(a=a, free=free, j=one, floor=np.zeros(1), friction=np.array([mu]))
+    r = -free[0] / (w[0, 0] - mu * w[0, 1]) * np.array([1.0, -mu, 0.0])
+    updates = []
+    for most in (1.0, newton_programs.LONGER[1]):
+        monkeypatch.setattr(newton_programs, "LONGER", (2.0, most))
+        solver = NewtonSolver()
+        monkeypatch.setattr(solver.splitting, "start", lambda *_: 0)  # it would solve this alone
+        found = solver.solve(problem, tolerance=1e-6, max_iterations=5000)
+        assert found.converged
+        np.testing.assert_allclose(found.impulse, [r], rtol=1e-5)
+        np.testing.assert_allclose(found.velocity, free + w @ r, rtol=1e-5, atol=1e-5)
+        updates.append(found.iterations["multipliers"])
+    assert updates[1] < updates[0] / 4
 
 
 def test_equality_rows_of_an_earlier_problem_do_not_stay() -> None:

@@ -126,15 +126,16 @@ def contact_forces(begin: int, tiles: int, sizes: wp.array(dtype=int), of: int, 
 @wp.kernel
 def update_multipliers(begin: int, tiles: int, sizes: wp.array(dtype=int), of: int, which: wp.array(dtype=int), u: wp.array(dtype=wp.vec3d),
                        mu: wp.array(dtype=real), r: wp.array(dtype=wp.vec3d), goal: wp.array(dtype=real), slow: real,
-                       growth: real, most: real, rho: wp.array(dtype=real), missed: wp.array(dtype=real),
+                       growth: real, part: real, more: real, most: real, rho: wp.array(dtype=real), missed: wp.array(dtype=real),
                        lag: wp.array(dtype=real), stride: wp.array(dtype=real), shift: wp.array(dtype=real),
                        multiplier: wp.array(dtype=wp.vec3d)):  # fmt: skip
     """l <- r, and the shift of De Saxce, mu |u_t|, which turns the cone's projection into Coulomb's law.
 
     The penalty of a contact that still misses more than the goal, and hardly less than at the last update, grows: what is
     squeezed between others is far stiffer than it is by itself.
-    Where less pressure lets a contact slide faster, mu |u_t| runs away from its shift, and comes to rest slowly: by k / (1 +
-    k) an update, k = mu d|u_t| / d u_n. There the shift takes secant steps, of ``most`` times the usual length at most.
+    A contact that slides faster where it is pressed less comes to rest slowly: an update leaves k / (1 + k) of what its
+    shift misses, k = mu d|u_t| / du_n. As long as that goes on evenly its steps get longer, by ``more`` an update, up to
+    what a secant step would be and ``most``.
     """
     tile = begin + wp.tid()
     for t in range(place(tile, tiles, sizes[of]), place(tile + 1, tiles, sizes[of])):
@@ -146,9 +147,10 @@ def update_multipliers(begin: int, tiles: int, sizes: wp.array(dtype=int), of: i
         multiplier[c] = r[c]
         behind = mu[c] * slip(u[c]) - shift[c]
         longer = real(1.0)
-        if wp.abs(behind) > goal[0] and stride[c] != real(0.0) and r[c][0] > real(0.0):
-            slope = (lag[c] - behind) / stride[c]
-            longer = wp.where(slope * most > real(1.0), wp.max(real(1.0) / slope, real(0.5)), most)
+        even = behind * lag[c] > real(0.0) and stride[c] * lag[c] > real(0.0)
+        if even and r[c][0] > real(0.0) and wp.abs(behind) > part * goal[0] and wp.abs(behind) < wp.abs(lag[c]):
+            secant = stride[c] / (lag[c] - behind)
+            longer = wp.max(wp.min(wp.min(secant, more * stride[c] / lag[c]), most), real(1.0))
         after = wp.max(shift[c] + longer * behind, real(0.0))
         stride[c] = after - shift[c]
         lag[c] = behind

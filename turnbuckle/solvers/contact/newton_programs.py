@@ -19,7 +19,8 @@ BATCH = 8  # iterations of conjugate gradients between two looks at the result
 CG_LIMIT = 200.0
 SLOW = 0.7  # contacts that gain less from an update of multipliers
 GROWTH = 2.0  # get a larger penalty, by this factor
-LONGER = 1.0
+SLIP = 0.25  # of the goal: shifts that miss by more, and come to rest slowly,
+LONGER = 2.0, 15.0  # take longer steps, by this factor an update, at most so many times the usual
 
 BLOCKS, CONTACTS, SOME, THEIRS, AROUND, PARTS = (
     int(place)
@@ -141,6 +142,6 @@ class Programs:
                                  b.residual, b.r, b.d, b.du, b.slopes], t),),
             "along": ((along, [*touching, b.length, b.u, b.du, *law, b.slopes], t),),
             "move": ((kernels.move, [*blocked, b.length, b.v, b.dv, b.p], t),),
-            "update": ((kernels.update_multipliers, [*touching, b.u, b.mu, b.r, b.goal, SLOW, GROWTH, LONGER, b.rho,
-                                                     b.missed, b.lag, b.stride, b.shift, b.multiplier], t),),
+            "update": ((kernels.update_multipliers, [*touching, b.u, b.mu, b.r, b.goal, SLOW, GROWTH, SLIP, *LONGER,
+                                                     b.rho, b.missed, b.lag, b.stride, b.shift, b.multiplier], t),),
         }  # fmt: skip
