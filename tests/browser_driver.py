@@ -11,7 +11,7 @@ import numpy as np
 import turnbuckle
 
 CHROMIUM = next((p for p in ("/usr/bin/chromium", "/usr/bin/chromium-browser") if Path(p).exists()), None)
-ARGUMENTS = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
+ARGUMENTS = ["--no-sandbox"]
 WIDE, HIGH = 1000, 640
 PATIENCE = 60.0  # [s] a software renderer on a busy machine takes its time
 

@@ -1,7 +1,8 @@
 """How many frames a second the page shows: what our server alone, the socket, and the browser that draws reach.
 
 `turnbuckle bench view`, or `python -m turnbuckle.benchmarks.view --cells 30`. The browser is Debian's Chromium without a
-window, driven by playwright; without them their rows are left out. `--gpu` lets it use a graphics card.
+window, driven by playwright; without them their rows are left out. It draws as it does for people on the same machine: with
+a graphics card, or, where there is none, WebGL on the processor (SwiftShader).
 """
 
 import threading
@@ -23,7 +24,6 @@ from turnbuckle.scene.scene import Scene
 
 AIM = 30.0  # frames a second at 10,000 vertices
 CHROMIUM = ("/usr/bin/chromium", "/usr/bin/chromium-browser", "/usr/bin/google-chrome")
-SOFTWARE = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 PUSHED = 60.0  # frames a second offered where no simulation runs
 # A frame counts when the page has drawn with vertices that it had not drawn before.
 COUNTER = """() => {
@@ -63,7 +63,6 @@ def measure(
     width: int = 1000,
     height: int = 640,
     browser: bool = True,
-    gpu: bool = False,
 ) -> list[Table]:
     """Measure, print, write the table. ``seconds`` of each measurement; ``width`` and ``height`` of the window [pixels]."""
     console, busy = console or Console(), load()
@@ -83,7 +82,7 @@ def measure(
         if not browser:
             table.add("browser: left out", None, None, None, None)
     if browser:
-        _browser(scene, table, seconds, (width, height), gpu)
+        _browser(scene, table, seconds, (width, height))
     table.notes.append(
         "frames/s: with new vertices; drawn/s: all drawings. viser sends 60 times a second at most. Pushed: frames offered without a simulation. Running: the "
         "simulation takes the processors that the browser leaves."
@@ -150,7 +149,7 @@ class _Listener:
         self._socket.close()
 
 
-def _browser(scene: Scene, table: Table, seconds: float, window: tuple[int, int], gpu: bool) -> None:
+def _browser(scene: Scene, table: Table, seconds: float, window: tuple[int, int]) -> None:
     path = next((p for p in CHROMIUM if Path(p).exists()), None)
     try:
         from playwright.sync_api import sync_playwright
@@ -160,8 +159,7 @@ def _browser(scene: Scene, table: Table, seconds: float, window: tuple[int, int]
         table.notes.append("The browser was left out: it needs Chromium and playwright (pip install playwright).")
         return
     with sync_playwright() as playwright:
-        arguments = ["--no-sandbox", *([] if gpu else SOFTWARE)]
-        chromium = playwright.chromium.launch(executable_path=path, args=arguments)
+        chromium = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
         for what, run in (("pushed", _pushed), ("running", _running)):
             with view(scene, open_browser=False) as shown:
                 page = chromium.new_page(viewport={"width": window[0], "height": window[1]})
