@@ -79,6 +79,20 @@ def test_contacts_that_slide_faster_where_they_are_pressed_less(monkeypatch: pyt
     assert updates[1] < updates[0] / 4
 
 
+@pytest.mark.parametrize("splits", [True, False])
+def test_a_guess_that_slides_fast_hides_no_contact(splits: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The shift of the guess, mu |u_t| = 30 m/s, would let a contact be missed without pushing."""
+    one = sp.bsr_array((np.eye(3)[None], [0], [0, 1]), shape=(3, 3))
+    free = np.array([-0.01, 0.02, 0.0])
+    problem = ContactProblem(a=one, free=free, j=one, floor=np.zeros(1), friction=np.array([0.3]))
+    solver = NewtonSolver()
+    if not splits:
+        monkeypatch.setattr(solver.splitting, "start", lambda *_: 0)
+    found = solver.solve(problem, None, np.array([0.0, 100.0, 0.0]), 1e-6)
+    assert found.converged
+    np.testing.assert_allclose(found.velocity, [0.0, 0.02 - 0.3 * 0.01, 0.0], atol=2e-6)
+
+
 def test_equality_rows_of_an_earlier_problem_do_not_stay() -> None:
     """Joints turn from look to look, while sizes stay: a solver takes as many steps as a fresh one."""
     problem = make("mixed", 0.3)

@@ -15,6 +15,7 @@ from turnbuckle.scene.scene import Scene
 
 FRAME_RATE = 200.0  # of the dancer made here [1/s]
 NEAR = 16  # vertices of the body whose motion a point of the waist follows
+RESOLVED = 0.45  # [rad] a step: the fastest spring that a step resolves, of an elastic waist
 WOVEN = {"density": 0.15, "structural_stiffness": 300.0, "shear_stiffness": 0.0, "damping": 0.01}
 
 
@@ -33,6 +34,7 @@ def dancer(
     settle: float = 0.3,
     frame_rate: float | None = None,
     up_axis: Literal["Y", "Z"] = "Z",
+    waist: Literal["nails", "elastic"] | None = None,
     dt: float = 2e-3,
     duration: float | None = None,
 ) -> Scene:
@@ -47,6 +49,9 @@ def dancer(
     and top_rings, the vertices that are held) or a mesh, whose highest rim is held. Both in metres, `up_axis` up.
     Cloth: density 0.15 kg/m^2 a layer, springs of 300 N/m along the edges, damping 0.01 N s/m, bending by angles,
     `bend_stiffness` [N m/rad] 1e-5. Friction `mu` 0.3 of cloth on cloth and on skin.
+    `waist`: `nails` hold it exactly, the default for the dancer made here. `elastic` pulls it to the same places by springs,
+    the stiffest that a step resolves, the default for your own: recorded arms pass through places where a waist is held,
+    which no motion can keep apart from nails.
     """
     if body is not None and garment is None:
         raise InputError("dancer: body is given without garment; give the garment that fits it, too")
@@ -60,10 +65,10 @@ def dancer(
         made, motions = figure(), bone_motions(dance.pose, times)
         sequence = MeshSequence(skinned(made, motions), made.triangles, times)
         hips = motions[:, NUMBER["pelvis"]]
-        waist = np.einsum("kij,pj->kpi", hips[:, :, :3], vertices[held]) + hips[:, None, :, 3]
+        goals = np.einsum("kij,pj->kpi", hips[:, :, :3], vertices[held]) + hips[:, None, :, 3]
     else:
         sequence = read_sequence(Path(body).expanduser(), frame_rate=frame_rate)
-        waist = followers(sequence.vertices, vertices[held])
+        goals = followers(sequence.vertices, vertices[held])
     length = float(sequence.times[-1]) + settle if duration is None else duration
     scene = Scene("dancer", up_axis=up_axis, dt=dt, duration=float(f"{length:.3g}"), contact={"friction": mu})
     moved = {"frames": sequence.vertices, "triangles": sequence.triangles, "times": sequence.times, "start": settle}
@@ -77,13 +82,37 @@ def dancer(
         color=[0.70, 0.12, 0.20],
         **WOVEN,
     )
-    scene.add_constraint(
-        "nail",
-        "waist",
-        points={"body": "dress", "indices": held},
-        goal={"times": sequence.times + settle, "positions": waist},
-    )
+    times = sequence.times + settle
+    if (waist or ("nails" if body is None else "elastic")) == "elastic":
+        scene.add_force("waist", body="dress", callable=Elastic(held, times, goals, RESOLVED / dt))
+    else:
+        where = {"body": "dress", "indices": held}
+        scene.add_constraint("nail", "waist", points=where, goal={"times": times, "positions": goals})
     return scene
+
+
+class Elastic:
+    """A force that pulls points to where they should be, by springs of one frequency, half critically damped."""
+
+    def __init__(self, points: np.ndarray, times: np.ndarray, goals: np.ndarray, frequency: float) -> None:
+        """``points`` (p,) of the body, ``times`` (k,) [s], ``goals`` (k, p, 3) [m], ``frequency`` [rad/s]."""
+        self.points, self.times, self.goals, self.frequency = points, times, goals, frequency
+
+    def goal(self, t: float) -> tuple[np.ndarray, np.ndarray]:
+        """Places (p, 3) [m] and their velocities [m/s] at ``t`` [s]; at rest before the first and after the last."""
+        k = int(np.clip(np.searchsorted(self.times, t), 1, len(self.times) - 1))
+        span = self.times[k] - self.times[k - 1]
+        part = (t - self.times[k - 1]) / span
+        way = self.goals[k] - self.goals[k - 1]
+        return self.goals[k - 1] + np.clip(part, 0.0, 1.0) * way, way / span * (0.0 <= part <= 1.0)
+
+    def __call__(self, x: np.ndarray, v: np.ndarray, t: float, mass: np.ndarray) -> np.ndarray:
+        """Forces (n, 3) [N] on all points of the body."""
+        place, velocity = self.goal(t)
+        away, drift = place - x[self.points], velocity - v[self.points]
+        out = np.zeros_like(x)
+        out[self.points] = mass[self.points, None] * self.frequency * (self.frequency * away + drift)
+        return out
 
 
 def followers(frames: np.ndarray, points: np.ndarray) -> np.ndarray:

@@ -109,7 +109,10 @@ def contact_forces(begin: int, tiles: int, sizes: wp.array(dtype=int), of: int, 
                    shift: wp.array(dtype=real), multiplier: wp.array(dtype=wp.vec3d), u_out: wp.array(dtype=wp.vec3d),
                    r_out: wp.array(dtype=wp.vec3d), d_out: wp.array(dtype=wp.mat33d), primal_out: wp.array(dtype=real),
                    wrong_out: wp.array(dtype=real)):  # fmt: skip
-    """u, r and D of each contact, and the errors of its multiplier and of its shift [m/s]."""
+    """u, r and D of each contact, and the errors of its multiplier and of its shift [m/s].
+
+    A shift that is too large lets a contact be missed without pushing, by as much as it is too large.
+    """
     tile = begin + wp.tid()
     for t in range(place(tile, tiles, sizes[of]), place(tile + 1, tiles, sizes[of])):
         c = which[t]
@@ -120,7 +123,7 @@ def contact_forces(begin: int, tiles: int, sizes: wp.array(dtype=int), of: int, 
         r_out[c] = r
         d_out[c] = rho[c] * cone_derivative(s, mu[c])
         primal_out[c] = wp.length(r - multiplier[c]) / rho[c]
-        wrong_out[c] = wp.where(r[0] > real(0.0), wp.abs(shift[c] - mu[c] * slip(u)), real(0.0))
+        wrong_out[c] = wp.where(r[0] > real(0.0), wp.abs(shift[c] - mu[c] * slip(u)), wp.max(floor[c] - u[0], real(0.0)))
 
 
 @wp.kernel
