@@ -48,7 +48,7 @@ class Watched(NewtonSolver):
         pushes = self.buffers.read("r", m)[:, 0] != 0.0
         least = float(self.buffers.read("least", 1)[0])
         some = self.near((self.buffers.read("miss", n) > least) & free, pushes)
-        for part in range(self.factors.parts.count if self.factors is not None else 0):
+        for part in range(self.bodies.factors.parts.count if self.bodies.factors is not None else 0):
             mine = self._part == part
             some |= mine & some[mine].any()
         for first in self.problem.pairs:

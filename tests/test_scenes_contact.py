@@ -12,7 +12,7 @@ from turnbuckle.data.model import Model
 from turnbuckle.data.state import State
 from turnbuckle.scene.scene import Scene
 from turnbuckle.scenes import REGISTRY
-from turnbuckle.scenes.dancer import followers
+from turnbuckle.scenes.dancer import Elastic, followers
 from turnbuckle.scenes.local_global import (
     AWAY,
     DELTA,
@@ -175,11 +175,46 @@ def test_points_follow_a_body_that_turns_and_bends() -> None:
     assert np.abs(moved[2] - points).max() < 0.03
 
 
-def test_a_real_dancer_in_a_real_dress() -> None:
+def test_an_elastic_waist_pulls_to_where_nails_would_be() -> None:
+    """Springs of one frequency, half critically damped, toward what is between two frames; at rest outside of them."""
+    goals = np.array([[[0.0, 0.0, 0.0]], [[1.0, 0.0, 0.0]], [[1.0, 2.0, 0.0]]])
+    pull = Elastic(np.array([1]), np.array([1.0, 1.5, 2.0]), goals, frequency=10.0)
+    for t, place, velocity in (
+        (0.0, [0, 0, 0], [0, 0, 0]), (1.25, [0.5, 0, 0], [2, 0, 0]), (1.75, [1, 1, 0], [0, 4, 0]), (3.0, [1, 2, 0], [0, 0, 0]),
+    ):  # fmt: skip
+        np.testing.assert_allclose(pull.goal(t), [[place], velocity * np.ones((1, 3))], atol=1e-15)
+    x, v, mass = np.array([[9.0, 9, 9], [1, 1, 1]]), np.array([[9.0, 9, 9], [0, 1, 0]]), np.array([5.0, 0.2])
+    force = pull(x, v, 1.75, mass)
+    np.testing.assert_allclose(force[1], 0.2 * (100.0 * np.array([0, 0, -1]) + 10.0 * np.array([0, 3, 0])))
+    assert (force[0] == 0.0).all()
+
+
+def real_dancer(**parameters: object) -> Scene:
+    """A recorded dancer in a dress of three layers, where the data are."""
     body, dress = DATA / "dancer_rumba_2k.npz", DATA / "dress_synth.npz"
     if not (body.is_file() and dress.is_file()):
         pytest.skip("the data are not here")
-    scene = REGISTRY["dancer"](body=str(body), garment=str(dress), up_axis="Y", settle=0.2)
+    return REGISTRY["dancer"](body=str(body), garment=str(dress), up_axis="Y", **parameters)
+
+
+@pytest.mark.slow
+def test_a_real_dancer_dances_to_the_end() -> None:
+    """Her arms pass through where the waist is held, and her body through itself."""
+    sim = Simulation(real_dancer())
+    degraded = halved = 0
+    for _ in range(round(5.1 / sim.dt)):
+        report = sim.step()
+        assert report.status != "failed", report.messages
+        assert report.intersections == 0
+        assert report.contact_residual.get("gap", 0.0) < 1e-2
+        degraded += report.status == "degraded"
+        halved += report.halvings > 0
+    assert degraded <= 25 and halved <= 25
+
+
+def test_a_real_dancer_in_a_real_dress() -> None:
+    body, dress = DATA / "dancer_rumba_2k.npz", DATA / "dress_synth.npz"
+    scene = real_dancer(settle=0.2, waist="nails")
     model, state = scene.build()
     assert model.surfaces is not None
     assert len(intersections(model.surfaces, model.surfaces.positions(state.positions()))) == 0

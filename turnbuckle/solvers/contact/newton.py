@@ -18,6 +18,7 @@ Equality rows are kept exactly in every iterate: conjugate gradients run in thei
 """
 
 import numpy as np
+import scipy.sparse as sp
 import warp as wp
 
 from turnbuckle.compute import host
@@ -42,7 +43,23 @@ SMALL = 500  # blocks and contacts below which one thread does all
 PARALLEL = 8_000  # blocks and contacts below which threads lose more at their meetings than they save
 FEW = 3_000  # blocks around a region below which that is so for it
 AGAIN = 3  # Newton steps between two factorisations of small bodies, which hold what their contacts add to the diagonal
+KNOWN = 2  # patterns of A that are kept
 EXACT = 1e-3  # of the tolerance: a start that misses by less needs no step; others get one, so that rest becomes exact
+
+
+class Bodies:
+    """What one pattern of A gives, and the programs for it."""
+
+    def __init__(self, a: sp.bsr_array, held: np.ndarray, device: str) -> None:
+        """``held`` (n,) bool: blocks that equality rows act on. Small bodies without them are factored."""
+        parts = find_parts(a.indptr, a.indices, held)
+        self.factors = SkylineFactors(parts, device) if parts.count else None
+        self.part = parts.part
+        self.apart = (parts.local >= 0).astype(np.uint8)
+        self.drift = Drift(a.indptr, a.indices, held)
+        self.single = np.diff(a.indptr) == 1
+        self.key: tuple = ()  # of the programs: what they were recorded for
+        self.programs: Programs
 
 
 class NewtonSolver:
@@ -52,10 +69,9 @@ class NewtonSolver:
         self.device, self.threads = device, threads
         self._on_gpu = wp.get_device(device).is_cuda
         self.buffers = Buffers(device)
-        self._key: tuple = ()
         self.rows: EqualityRows | None = None
-        self.factors: SkylineFactors | None = None
-        self._parts_of: tuple = ()
+        self.bodies: Bodies
+        self._known: dict[tuple, Bodies] = {}
         self._count = -1  # contacts of the last problem
         self.splitting = Splitting(self.buffers, self._run, self._evaluate)
 
@@ -90,7 +106,7 @@ class NewtonSolver:
             guess[problem.fixed] = problem.free.reshape(-1, 3)[problem.fixed]
         b.write("v", guess)
         b.write("multiplier", np.zeros((m, 3)) if start is None else start)
-        b.write("scale", np.array([SCALE[self.factors is not None]]))
+        b.write("scale", np.array([SCALE[self.bodies.factors is not None]]))
         b.write("goal", np.array([tolerance]))
         b.write("forcing", np.array([FORCING[0]]))
         b.write("missed", np.full(m, np.inf))
@@ -103,7 +119,7 @@ class NewtonSolver:
         newton = updates = cg = full = 0
         converged, message = False, ""
         errors = self._evaluate()
-        exact, again = EXACT * tolerance, 1 if self.factors is None else AGAIN
+        exact, again = EXACT * tolerance, 1 if self.bodies.factors is None else AGAIN
         for _ in range(max_iterations):
             if not errors.worst < LOST:
                 message = "velocities are no longer finite numbers"
@@ -117,9 +133,9 @@ class NewtonSolver:
             if errors.gradient <= (SETTLED * tolerance if newton else exact):
                 continue
             part = "some " if newton + split and self._region(errors.gradient, tolerance) else ""
-            if self.rows is None and (part or full % again == 0):
+            if part or full % again == 0:
                 self._run(part + "blocks")
-            if self.factors is not None and (part or full % again == 0):
+            if self.bodies.factors is not None and (part or full % again == 0):
                 self._run(part + "factor")
                 self.splitting.lost(host(b.some_parts)[: host(b.sizes)[kernels.PARTS]] if part else slice(None))
             full += not part
@@ -145,12 +161,13 @@ class NewtonSolver:
         b.take(problem, self._tiles(n, m))
         if problem.e is not None and problem.e.shape[0]:
             self.rows = EqualityRows(problem, b)
-        self._find_parts(problem)
-        self.splitting.take(self._part, 0 if self.factors is None else self.factors.parts.count)
-        b.put("apart", self.apart, wp.uint8)
-        b.put("mass", self.drift.masses, wp.float64)
+        self._find_bodies(problem)
+        bodies = self.bodies
+        self.splitting.take(bodies.part, 0 if bodies.factors is None else bodies.factors.parts.count)
+        b.put("apart", bodies.apart, wp.uint8)
+        b.put("mass", bodies.drift.masses, wp.float64)
         moving = np.ones(n, dtype=bool) if problem.fixed is None else ~problem.fixed
-        self._small = bool((self.apart.astype(bool) | self._single | ~moving).all())
+        self._small = bool((bodies.apart.astype(bool) | bodies.single | ~moving).all())
         self._record(self._tiles(n, m), self._threads(n, m))
 
     @property
@@ -171,7 +188,7 @@ class NewtonSolver:
             return False
         least = max(NOTABLE * gradient, SETTLED * tolerance)
         if (self._speeds > least).any():  # bodies are to move as a whole
-            blocks, speeds = self.drift.blocks(self._speeds, least)
+            blocks, speeds = self.bodies.drift.blocks(self._speeds, least)
             miss = self.buffers.read("miss", self._blocks)
             miss[blocks] = np.maximum(miss[blocks], speeds)
             self.buffers.write("miss", miss)
@@ -192,10 +209,9 @@ class NewtonSolver:
         self._run(part + "evaluate")
         values = host(self.buffers.scalars)
         gradient = float(values[kernels.GRADIENT])
-        if self.rows is not None:  # their impulses are found with the preconditioner
-            self._run("blocks")
+        if self.rows is not None:
             gradient = self.rows.remove()
-        self._speeds = self.drift.speeds(host(self.buffers.g)[: self._blocks])
+        self._speeds = self.bodies.drift.speeds(host(self.buffers.g)[: self._blocks])
         gradient = max(gradient, float(self._speeds.max(initial=0.0)))
         return Errors(gradient, float(values[kernels.PRIMAL]), float(values[kernels.SHIFT]))
 
@@ -226,30 +242,29 @@ class NewtonSolver:
         few = name.startswith("some ") and host(self.buffers.sizes)[kernels.AROUND] < FEW
         self._programs.run(name, 1 if few else None)
 
-    def _find_parts(self, problem: ContactProblem) -> None:
-        """Small bodies, whose own matrix the preconditioner inverts; not those that equality rows hold."""
+    def _find_bodies(self, problem: ContactProblem) -> None:
+        """What is kept for the pattern of A: the two that took turns last, since joints come and go within a step."""
         a = problem.a
-        left_out = np.zeros(len(problem.free) // 3, dtype=bool)
+        held = np.zeros(len(problem.free) // 3, dtype=bool)
         if self.rows is not None:
-            left_out[self.rows.full.indices // 3] = True
-        key = (a.indptr.tobytes(), a.indices.tobytes(), left_out.tobytes())
-        if key != self._parts_of:
-            self._parts_of, self._key = key, ()
-            parts = find_parts(a.indptr, a.indices, left_out)
-            self.factors = SkylineFactors(parts, self.device) if parts.count else None
-            self._part = parts.part
-            self.apart = (parts.local >= 0).astype(np.uint8)
-            self.drift = Drift(a.indptr, a.indices, left_out)
-            self._single = np.diff(a.indptr) == 1
-        self._blocks = len(left_out)
-        self.drift.take(a, problem.fixed)
+            held[self.rows.full.indices // 3] = True
+        key = (a.indptr.tobytes(), a.indices.tobytes(), held.tobytes(), self.rows is None)
+        found = self._known.pop(key, None)
+        self._known[key] = self.bodies = found or Bodies(a, held, self.device)
+        if len(self._known) > KNOWN:
+            del self._known[next(iter(self._known))]
+        self._blocks = len(held)
+        self.bodies.drift.take(a, problem.fixed)
 
     def _record(self, tiles: int, threads: int | None) -> None:
-        key = (self.buffers.grown, tiles, threads, self.rows is not None)
-        if key != self._key:
-            self._key = key
-            project = None if self.rows is None else lambda: self.rows.project()  # type: ignore[union-attr]  # those of now
-            self._programs = Programs(self.buffers, self.device, tiles, threads, self.factors, project)
+        key = (self.buffers.grown, tiles, threads)
+        if key != self.bodies.key:
+            calls = None
+            if self.rows is not None:
+                calls = (lambda: self.rows.take_out(), lambda: self.rows.project())  # type: ignore[union-attr]  # rows of now
+            self.bodies.key = key
+            self.bodies.programs = Programs(self.buffers, self.device, tiles, threads, self.bodies.factors, calls)
+        self._programs = self.bodies.programs
 
 
 def solve_newton(

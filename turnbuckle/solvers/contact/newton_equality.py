@@ -1,7 +1,9 @@
-"""Equality rows in the Newton solver: kept exactly, by projecting the preconditioned residual.
+"""Equality rows in the Newton solver: kept exactly, by projecting all that conjugate gradients see.
 
-With M the block preconditioner and ``S = E M E^T``, ``z <- z - M E^T S^-1 E z`` stays in the null space of E, and
-conjugate gradients with it solve the problem on that space.
+With L = D_A^-1, the inverse of the diagonal of A, and ``S = E L E^T``, ``P = 1 - L E^T S^-1 E`` projects velocities on the null
+space of E, and its transpose takes out of a gradient what impulses of the rows can be. Conjugate gradients with gradients
+``P^T g``, products ``P^T A p`` and the preconditioner ``P M P^T`` solve the problem on that space. S knows no contacts, so it is
+factored once for a problem, whatever M becomes.
 """
 
 import numpy as np
@@ -26,10 +28,15 @@ class EqualityRows:
         self.full = problem.e.tocsr()
         self.e = (self.full @ sp.diags_array(np.repeat(free, 3))).tocsr()
         self.wanted = problem.wanted
-        self.pairs = problem.pairs
         self.local = self._inverse(problem)
+        self.l_et = (self.local @ self.e.T).tocsc()
+        self.l_et_t = self.l_et.T.tocsr()
         self.impulse = np.zeros(len(self.wanted))
-        self._factor(self.local)
+        s = (self.e @ self.l_et).tocsc()
+        s = s + sp.diags_array(SLIGHT * s.diagonal() + 1e-300)
+        self.s = spla.splu(
+            s.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+        )
 
     def _inverse(self, problem: ContactProblem) -> sp.csr_array:
         """D_A^-1: the metric in which velocities are first put on the rows."""
@@ -37,45 +44,32 @@ class EqualityRows:
         own = diagonal_blocks(a.data, a.indptr, a.indices)
         return sp.bsr_array((np.linalg.inv(own), np.arange(n), np.arange(n + 1)), shape=(3 * n, 3 * n)).tocsr()
 
-    def _factor(self, m: sp.csr_array) -> None:
-        self.m_et = (m @ self.e.T).tocsc()
-        s = (self.e @ self.m_et).tocsc()
-        s = s + sp.diags_array(SLIGHT * s.diagonal() + 1e-300)
-        self.s = spla.splu(
-            s.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
-        )
-
     def meet(self) -> None:
         """Put the velocities of the buffers on the rows."""
         v = self.buffers.read("v", self.blocks).ravel()
         for _ in range(2):
-            v = v + self.m_et @ self.s.solve(self.wanted - self.full @ v)
+            v = v + self.l_et @ self.s.solve(self.wanted - self.full @ v)
         self.buffers.write("v", v.reshape(-1, 3))
 
     def remove(self) -> float:
-        """Take the rows' own impulses out of the gradient; the largest ``|D_A^-1 g|`` left [m/s]. Renews M."""
-        b, n = self.buffers, self.blocks
-        indices = np.arange(n, dtype=np.int32)
-        m = sp.bsr_array((b.read("m", n), indices, np.arange(n + 1)), shape=(3 * n, 3 * n)).tocsr()
-        if len(self.pairs):
-            both = np.concatenate([self.pairs, self.pairs + 1])
-            other = np.concatenate([self.pairs + 1, self.pairs])
-            order = np.argsort(both)
-            starts = np.searchsorted(both[order], np.arange(n + 1))
-            m = m + sp.bsr_array((b.read("n", n)[both[order]], other[order], starts), shape=(3 * n, 3 * n)).tocsr()
-        self._factor(m)
-        g = b.read("g", n).ravel()
-        self.impulse = self.s.solve(self.m_et.T @ g)
-        g = g - self.e.T @ self.impulse
-        more = self.s.solve(self.m_et.T @ g)
-        self.impulse = self.impulse + more
-        g = g - self.e.T @ more
-        b.write("g", g.reshape(-1, 3))
+        """Take the rows' own impulses out of the gradient; the largest ``|D_A^-1 g|`` left [m/s]."""
+        self.impulse = self._taken("g") + self._taken("g")  # twice, for all digits
+        g = self.buffers.read("g", self.blocks).ravel()
         return float(np.linalg.norm((self.local @ g).reshape(-1, 3), axis=1).max(initial=0.0))
 
+    def take_out(self) -> None:
+        """q <- P^T q, in the buffers."""
+        self._taken("q")
+
     def project(self) -> None:
-        """z <- z - M E^T S^-1 E z, in the buffers."""
-        b, n = self.buffers, self.blocks
-        z = b.read("z", n).ravel()
-        z = z - self.m_et @ self.s.solve(self.e @ z)
-        b.write("z", z.reshape(-1, 3))
+        """z <- P z, in the buffers."""
+        z = self.buffers.read("z", self.blocks).ravel()
+        z = z - self.l_et @ self.s.solve(self.e @ z)
+        self.buffers.write("z", z.reshape(-1, 3))
+
+    def _taken(self, name: str) -> np.ndarray:
+        """Take impulses of the rows (k,) out of forces, which are in the buffers; what they were."""
+        force = self.buffers.read(name, self.blocks).ravel()
+        impulse = self.s.solve(self.l_et_t @ force)
+        self.buffers.write(name, (force - self.e.T @ impulse).reshape(-1, 3))
+        return impulse
