@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from turnbuckle.data.errors import InputError
 from turnbuckle.io import read_recording
 
 ROOT = Path(__file__).parents[1]
@@ -50,8 +51,9 @@ def _check(path, at_least, at_most=None):
     else:
         from pxr import Usd, UsdGeom
 
-        part = path.with_name(path.name + ".part.usdc")
-        stage = Usd.Stage.Open(str(part if path.suffix == ".usda" else path))
+        part = path.with_name(path.name + ".part.usdc") if path.suffix == ".usda" else path
+        read_recording(part)  # puts it right, where a save was cut off
+        stage = Usd.Stage.Open(str(part))
         points = UsdGeom.BasisCurves(stage.GetPrimAtPath("/World/rope/lines")).GetPointsAttr()
         codes = points.GetTimeSamples()
         count = len(codes)
@@ -102,6 +104,42 @@ def test_kill_at_any_moment(tmp_path, suffix, attempts):
         assert process.returncode == -signal.SIGKILL
         flushed = int(rest[-1]) if rest else 60
         _check(path, at_least=flushed)
+
+
+def test_a_save_of_usd_that_was_cut_off_is_undone(tmp_path):
+    """Wherever it was cut: the old structure is written over from its beginning on, the head last."""
+    pytest.importorskip("pxr")
+    from pxr import Tf, Usd
+
+    code = """
+        for frame in range(frames):
+            recorder.write(frame / 10, x + frame, 0 * x)
+            if frame == frames - 4:
+                recorder.flush()
+                os.system(f"cp {path} {path}.before")
+                from turnbuckle.io import usd_undo
+                usd_undo.forget = lambda path: None
+        recorder.flush()
+        os._exit(9)
+    """
+    path = tmp_path / "run.usdc"
+    assert _start(code, path, 50, 40).wait() == 9
+    before, after, undo = (path.with_name(n).read_bytes() for n in ("run.usdc.before", "run.usdc", "run.usdc.undo"))
+    assert len(after) > len(before)
+    start = next(i for i in range(88, len(before)) if before[i] != after[i])
+    for number, length in enumerate(
+        [start + 1, (start + len(before)) // 2, len(before), (len(before) + len(after)) // 2, len(after) - 1]
+    ):
+        cut = tmp_path / f"cut{number}.usdc"
+        cut.write_bytes(before[:88] + after[88:length])  # the head still names the old structure
+        cut.with_name(cut.name + ".undo").write_bytes(undo)
+        with pytest.raises(Tf.ErrorException):
+            Usd.Stage.Open(str(cut))
+        assert _check(cut, at_least=37, at_most=37) == 37
+        assert cut.read_bytes() == before
+    cut.write_bytes(after[:-200])  # without a way back
+    with pytest.raises(InputError, match="not whole"):
+        read_recording(cut)
 
 
 def test_torn_last_frame_is_left_out(tmp_path):

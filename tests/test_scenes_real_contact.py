@@ -84,6 +84,8 @@ def test_the_ball_lies_and_rolls_on_the_tray(soft: bool, seconds: float) -> None
     inside = np.array(places)
     away = np.hypot(inside[:, 0], inside[:, 2])
     assert away.max() < tray - 0.6 * ball, "the rim holds it"
-    assert away.max() > (0.02 if seconds > 0.2 else 2e-3), "it rolls"
-    assert np.abs(inside[:, 1] - (half + ball)).max() < (0.01 if soft else 3e-3), "it lies on the tray"
+    assert away.max() > (0.01 if seconds > 0.2 else 2e-3), "it rolls"
+    height = np.abs(inside[:, 1] - (half + ball))
+    assert height[away < 0.5 * tray].max() < (0.01 if soft else 3e-3), "it lies on the tray"
+    assert height.max() < 0.02, "and rolls up the rim a little"
     assert touched[0] > 0.8 * len(places)

@@ -5,9 +5,8 @@ UsdPhysics, marked kinematic, so that a physics engine plays the recording back.
 BasisCurves, triangles (the skin, else the boundary of the solid) a Mesh, tetrahedra also a TetMesh of purpose "guide",
 which viewers hide until asked. What a skin covers is there, invisible. Time codes are seconds times frames per second.
 
-Binary layers (.usdc, .usd) are saved every few frames: the crate format appends, moves what was saved out of memory
-and turns its table of contents last, so memory stays flat and a kill leaves the frames of the last save. A text layer
-cannot be appended to: .usda is recorded as ``NAME.usda.part.usdc`` (a whole file, should the run be killed) and written
+Binary layers (.usdc, .usd) are saved every few frames: the crate format appends and moves what was saved out of memory, so
+memory stays flat, and a kill leaves the frames of the last save (`usd_undo`). A text layer cannot be appended to: .usda is recorded as ``NAME.usda.part.usdc`` (a whole file, should the run be killed) and written
 out as text at the end.
 """
 
@@ -23,6 +22,7 @@ import numpy as np
 from turnbuckle.data.errors import InputError
 from turnbuckle.data.shape import Shape
 from turnbuckle.geometry.fit import fit_pose
+from turnbuckle.io import usd_undo
 from turnbuckle.io.recorder import Recorder, check_frame, reason
 
 with contextlib.suppress(ImportError):  # an optional extra: UsdRecorder says what to install
@@ -46,6 +46,7 @@ class UsdRecorder(Recorder):
         self._unsaved = 0
         try:
             self._written.unlink(missing_ok=True)
+            usd_undo.forget(self._written)
             path.unlink(missing_ok=True)
             layer = Sdf.Layer.CreateNew(str(self._written), args={"format": "usdc"})
             self._stage: Usd.Stage | None = Usd.Stage.Open(layer)
@@ -82,9 +83,13 @@ class UsdRecorder(Recorder):
         if self._stage is None:
             return
         try:
+            usd_undo.keep(self._written)
             self._stage.GetRootLayer().Save()
+            usd_undo.forget(self._written)
         except Tf.ErrorException as error:
             raise InputError(f"recording {self._path}: cannot be written ({_reason(error)})") from None
+        except OSError as error:
+            raise InputError(f"recording {self._path}: cannot be written ({reason(error)})") from None
         self._unsaved = 0
 
     def close(self) -> None:

@@ -7,6 +7,7 @@ that do, is a rigid body. USD keeps float32, and of a rigid body no velocities: 
 from __future__ import annotations
 
 import contextlib
+import time
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +17,13 @@ from scipy.spatial.transform import Rotation
 from turnbuckle.data.errors import InputError
 from turnbuckle.data.shape import Shape
 from turnbuckle.geometry.fit import fit_pose
+from turnbuckle.io import usd_undo
 
 with contextlib.suppress(ImportError):  # an optional extra: `read_usd_recording` says what to install
     from pxr import Tf, Usd, UsdGeom
 
 OWN = ("surface", "lines", "solid")  # names that our recorder gives the prims of a body
+SAVED = 0.3  # [s] a save of a run that goes on takes at most, mostly
 LOOKS = 16  # frames at which a body is looked at to know that it stands still
 RIGID = 1e-5  # of the size of a body: what it may deviate from a rigid motion
 
@@ -112,16 +115,25 @@ def read_usd_recording(path: Path) -> tuple[list[Shape], dict[str, Any], np.ndar
         raise InputError(f"recording {path}: USD needs usd-core; run: pip install 'turnbuckle[usd]'")
     if not path.is_file():
         raise InputError(f"recording {path}: there is no such file")
-    try:
-        stage = Usd.Stage.Open(str(path))
-    except Tf.ErrorException:
-        raise InputError(f"recording {path}: is no USD file, or not whole") from None
+    stage = _opened(path)
+    if stage is None:
+        time.sleep(SAVED)
+        stage = _opened(path) or (_opened(path) if usd_undo.put_back(path) else None)
+    if stage is None:
+        raise InputError(f"recording {path}: is no USD file, or not whole")
     try:
         return _read(stage, path)
     except InputError as error:
         raise InputError(f"recording {path}: {error}") from None
     except (Tf.ErrorException, RuntimeError, ValueError, IndexError, TypeError) as error:
         raise InputError(f"recording {path}: cannot be read ({' '.join(str(error).split())[:120]})") from None
+
+
+def _opened(path: Path) -> Usd.Stage | None:
+    try:
+        return Usd.Stage.Open(str(path))
+    except Tf.ErrorException:
+        return None
 
 
 def _read(stage: Usd.Stage, path: Path) -> tuple[list[Shape], dict[str, Any], np.ndarray, Any]:

@@ -1,0 +1,64 @@
+"""What a save of a USD crate writes over, kept beside it while it saves, so that a kill in the middle costs no frame.
+
+A crate (.usdc) holds values, then its structure: the sections that its table of contents lists. Saving again writes new
+values from the beginning of the old structure on, a new structure behind them, and last the place of its table into the
+head. A kill in between leaves a file that USD cannot open, with all old values in it. The old structure is small: it is
+copied to ``NAME.undo`` before each save, and put back where a file is found broken.
+"""
+
+import os
+import struct
+from pathlib import Path
+
+HEAD = 88  # bytes: "PXR-USDC", version (8), place of the table (int64), reserved
+SECTION = struct.Struct("<16sqq")  # name, start, size
+START = struct.Struct("<q")
+
+
+def _undo(path: Path) -> Path:
+    return path.with_name(path.name + ".undo")
+
+
+def keep(path: Path) -> None:
+    """Copy the head and the structure of a crate. What a save that failed has left stays: the file is broken since."""
+    if _undo(path).exists():
+        return
+    with path.open("rb") as file:
+        head = file.read(HEAD)
+        if len(head) < HEAD or head[:8] != b"PXR-USDC":
+            return  # nothing was saved yet
+        file.seek(START.unpack_from(head, 16)[0])
+        (count,) = struct.unpack("<Q", file.read(8))
+        starts = [SECTION.unpack(file.read(SECTION.size))[1] for _ in range(count)]
+        start = min(starts, default=HEAD)
+        file.seek(start)
+        structure = file.read()
+    fresh = path.with_name(path.name + ".undo.new")
+    fresh.write_bytes(START.pack(start) + head + structure)
+    os.replace(fresh, _undo(path))
+
+
+def forget(path: Path) -> None:
+    """The file is whole."""
+    _undo(path).unlink(missing_ok=True)
+
+
+def put_back(path: Path) -> bool:
+    """Make a crate what it was before the save that was cut off; False where nothing is kept of it.
+
+    For files that cannot be opened, and still cannot a moment later: a run may be saving it right now.
+    """
+    try:
+        kept = _undo(path).read_bytes()
+    except OSError:
+        return False
+    if len(kept) < START.size + HEAD:
+        return False
+    (start,) = START.unpack_from(kept)
+    with path.open("r+b") as file:
+        file.write(kept[START.size : START.size + HEAD])
+        file.seek(start)
+        file.write(kept[START.size + HEAD :])
+        file.truncate()
+    forget(path)
+    return True
