@@ -25,6 +25,9 @@ NEAR = 0.6  # of delta: contacts nearer than this are let apart; between, they s
 HELD = 0.45  # of delta: what rows on the way ask of what was near at the start
 RECOVERED = 0.2  # part of what a contact is too near by that a step gives back
 SLIDING = 10.0  # of the tolerance: tangential speeds at the start beyond which a contact slides
+MISSED = 10.0  # of the tolerance: rows that an unconverged solution misses by more
+YIELD = 0.7  # ask for this part of what they did,
+YIELDS = 3  # so many times a step
 ROUGH = 5.0  # times the tolerance, while contacts are still being found
 FEW = 60  # contacts that are solved anew by the dense solver where the default one does not converge
 SWEEPS = 500  # of it: what is pressed together beyond hope must not take minutes
@@ -67,6 +70,7 @@ class Attempt:
             stepper.opening.look(self.s0)
             self.parting = np.full(stepper.opening.count, stepper.options.recovery)
         self.started = False
+        self.yields = YIELDS
         # Where the last step found contacts on its way, the first ones are not the last: no need for all digits.
         self.rough = state.contact_found and not self.closing.exists
         state.contact_found = False
@@ -106,10 +110,13 @@ class Attempt:
                 start = np.concatenate([start, self.limits.impulse, np.zeros((len(self.parting), 3))])
             with stepper.timed("contact_solve"):
                 found = self._solved(problem, start)
-            if "diverged" in found.message or not np.isfinite(found.velocity).all():  # halve the step (Contact, 5.6)
-                return None
             for name, count in found.iterations.items():
                 self.iterations[name] = self.iterations.get(name, 0) + count
+            if not found.converged and self._give_way(problem, found.velocity, contacts):
+                base = self._problem(contacts)
+                continue
+            if "diverged" in found.message or not np.isfinite(found.velocity).all():  # halve the step (Contact, 5.6)
+                return None
             self.solution, self.solved, self.problem = found, contacts, problem
             m = contacts.count
             self.impulse = np.einsum("mij,mi->mj", self.frame, found.impulse[:m])
@@ -120,6 +127,22 @@ class Attempt:
                 return s1
             if self.closing.polish(limited, self._motion(), self.tolerance, self._move):
                 return stepper.surfaces.positions(self.x1)
+
+    def _give_way(self, problem: ContactProblem, velocity: np.ndarray, contacts: Contacts) -> bool:
+        """Let contacts that a solution misses come nearer, where they may; False where there are none, or it was tried.
+
+        Rows ask for the distance at the start, though less is certified: between two scripts that close there is no
+        motion that keeps both distances, while there is room for what lies between them.
+        """
+        if self.yields == 0 or not np.isfinite(velocity).all():
+            return False
+        self.yields -= 1
+        delta = self.stepper.detector.deltas(contacts.kind, contacts.a, contacts.b)
+        missed = (problem.floor - (problem.j @ velocity)[::3])[: contacts.count] > MISSED * self.tolerance
+        some = np.flatnonzero(missed & (self.target > KEPT * delta))
+        self.target[some] = np.maximum(YIELD * self.target[some], KEPT * delta[some])
+        self.solved_rows = None  # the solver knows what they asked for
+        return len(some) > 0
 
     def _limited(self, problem: ContactProblem) -> ContactProblem:
         """The problem with rows of strain limits after those of contacts, and those of crossings that are to part."""
