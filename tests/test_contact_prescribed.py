@@ -63,3 +63,50 @@ def test_scripts_may_come_as_near_as_they_like_but_not_cross(nearest: float) -> 
     assert 0.0 < min(gaps) < 4e-3
     assert sum(report.last_resorts for report in reports) == 0
     assert all(report.intersections == 0 for report in reports)
+
+
+def cloth_in_a_press(room: float, **contact: object) -> turnbuckle.Simulation:
+    """Cloth on a floor, and a plate that comes down at 0.1 m/s until there are ``room`` times delta between both."""
+    delta, speed = 1e-3, 0.1
+    scene = turnbuckle.Scene("press", dt=2e-3, contact={"friction": 0.3, "delta": delta, **contact})
+    scene.add_obstacle("floor", plane=[0.4, 0.4])
+    plate = np.array([[-0.2, -0.2, 0.0], [0.2, -0.2, 0.0], [0.2, 0.2, 0.0], [-0.2, 0.2, 0.0]])
+    ends = np.array([4.0, room]) * delta
+    frames = plate + ends[:, None, None] * np.array([0.0, 0.0, 1.0])
+    times = [0.0, (ends[0] - ends[1]) / speed]
+    scene.add_obstacle("plate", frames=frames, triangles=[[0, 2, 1], [0, 3, 2]], times=times)
+    at = {"size": [0.1, 0.1], "cells": [4, 4], "position": [0.0, 0.0, 1.5 * delta]}
+    scene.add_cloth("cloth", density=0.2, structural_stiffness=100.0, **at)
+    return turnbuckle.Simulation(scene)
+
+
+def test_what_is_pressed_gives_way_as_far_as_is_certified() -> None:
+    """Rows ask for the distances at the start, which a press takes from both sides at once."""
+    sim = cloth_in_a_press(1.2)
+    for _ in range(22):
+        report = sim.step()
+        assert report.status == "ok", report.messages
+        assert report.intersections == 0 and report.halvings == 0
+    z = sim.positions("cloth")[:, 2]
+    assert 0.2e-3 < z.min() and z.max() < 1.0e-3
+    assert np.abs(sim.velocities()).max() < 0.1
+
+
+def test_what_is_pressed_beyond_is_named() -> None:
+    sim = cloth_in_a_press(0.1)
+    for _ in range(40):
+        report = sim.step()
+        if report.status == "failed":
+            break
+        assert report.intersections == 0
+    assert report.status == "failed"
+    assert "'floor' and 'cloth'" in report.messages[0] and "press them together" in report.messages[0]
+    z = sim.positions("cloth")[:, 2]
+    assert 0.0 < z.min() and np.isfinite(sim.velocities()).all()
+
+
+def test_a_press_may_wait_for_what_it_presses() -> None:
+    sim = cloth_in_a_press(0.1, on_impossible="stall")
+    reports = [sim.step() for _ in range(20)]
+    assert all(r.status != "failed" and r.intersections == 0 for r in reports)
+    assert "scripts wait" in reports[-1].messages[-1] and "'cloth'" in reports[-1].messages[-1]

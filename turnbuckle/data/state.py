@@ -63,6 +63,7 @@ class State:
     )  # of pairs that touched in the last step, sorted (`turnbuckle.step.contact_rows.Memory`)
     contact_impulse: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))  # of them on their side a [N s]
     contact_sliding: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    contact_yielding: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     script_delay: float = 0.0  # [s] by which scripts lag behind the time, where they have stalled
     contact_found: bool = False  # the last step found contacts on its way, not at its start
     time: float = 0.0  # [s]

@@ -36,6 +36,7 @@ SCHEMA_VERSION = 3
 _PLAIN = (Kinematics, RigidState, Loads, JointParts)  # fields of `State` that are arrays by name
 _RESIZED = (  # arrays that are as long as the rows, or the contacts, were in the last step
     "impulse", "active", "contact_keys", "contact_impulse", "contact_sliding",
+    "contact_yielding",
 )  # fmt: skip
 _BROKEN_FILE = (
     OSError, ValueError, KeyError, EOFError, TypeError, IndexError, AttributeError, NotImplementedError, RuntimeError,

@@ -25,8 +25,9 @@ NEAR = 0.6  # of delta: contacts nearer than this are let apart; between, they s
 HELD = 0.45  # of delta: what rows on the way ask of what was near at the start
 RECOVERED = 0.2  # part of what a contact is too near by that a step gives back
 SLIDING = 10.0  # of the tolerance: tangential speeds at the start beyond which a contact slides
-MISSED = 10.0  # of the tolerance: rows that an unconverged solution misses by more
+MISSED = 2.0  # of the tolerance: rows that an unconverged solution misses by more
 YIELD = 0.7  # ask for this part of what they did,
+FAR = 1e3  # times the size of the scene: motion in a step that is none
 YIELDS = 3  # so many times a step
 ROUGH = 5.0  # times the tolerance, while contacts are still being found
 FEW = 60  # contacts that are solved anew by the dense solver where the default one does not converge
@@ -58,6 +59,7 @@ class Attempt:
         self.frame = np.zeros((0, 3, 3))
         self.impulse = np.zeros((0, 3))  # world
         self.friction = np.zeros(0)
+        self.yields = np.zeros(0, dtype=bool)  # what is squeezed, and comes nearer than at the start
         self.gap, self.target = np.zeros(0), np.zeros(0)  # [m] of rows at the start, and what they ask for at the end
         self.rows = _no_rows(3 * dynamics.n)
         self.tolerance = solver_tolerance(stepper, np.linalg.norm(self.v0[~self.prescribed.fixed], axis=1), h)
@@ -70,7 +72,7 @@ class Attempt:
             stepper.opening.look(self.s0)
             self.parting = np.full(stepper.opening.count, stepper.options.recovery)
         self.started = False
-        self.yields = YIELDS
+        self.tries = YIELDS
         # Where the last step found contacts on its way, the first ones are not the last: no need for all digits.
         self.rough = state.contact_found and not self.closing.exists
         state.contact_found = False
@@ -115,7 +117,7 @@ class Attempt:
             if not found.converged and self._give_way(problem, found.velocity, contacts):
                 base = self._problem(contacts)
                 continue
-            if "diverged" in found.message or not np.isfinite(found.velocity).all():  # halve the step (Contact, 5.6)
+            if "diverged" in found.message or not self._sound(found):  # halve the step (Contact, 5.6)
                 return None
             self.solution, self.solved, self.problem = found, contacts, problem
             m = contacts.count
@@ -128,19 +130,26 @@ class Attempt:
             if self.closing.polish(limited, self._motion(), self.tolerance, self._move):
                 return stepper.surfaces.positions(self.x1)
 
+    def _sound(self, found: ContactSolution) -> bool:
+        """Whether velocities are finite numbers, and, where they are no solution, not beyond all measure."""
+        fastest = float(np.abs(found.velocity).max(initial=0.0))
+        return fastest < np.inf and (found.converged or fastest * self.h < FAR * self.stepper.model.size)
+
     def _give_way(self, problem: ContactProblem, velocity: np.ndarray, contacts: Contacts) -> bool:
         """Let contacts that a solution misses come nearer, where they may; False where there are none, or it was tried.
 
         Rows ask for the distance at the start, though less is certified: between two scripts that close there is no
         motion that keeps both distances, while there is room for what lies between them.
         """
-        if self.yields == 0 or not np.isfinite(velocity).all():
+        if self.tries == 0 or not np.isfinite(velocity).all():
             return False
-        self.yields -= 1
+        self.tries -= 1
         delta = self.stepper.detector.deltas(contacts.kind, contacts.a, contacts.b)
         missed = (problem.floor - (problem.j @ velocity)[::3])[: contacts.count] > MISSED * self.tolerance
-        some = np.flatnonzero(missed & (self.target > KEPT * delta))
-        self.target[some] = np.maximum(YIELD * self.target[some], KEPT * delta[some])
+        least = np.minimum(contacts.distance, KEPT * delta)  # what was nearer still need not be let apart
+        some = np.flatnonzero(missed & (self.target > least))
+        self.target[some] = np.maximum(YIELD * self.target[some], least[some])
+        self.yields[some] = True
         self.solved_rows = None  # the solver knows what they asked for
         return len(some) > 0
 
@@ -248,7 +257,7 @@ class Attempt:
         stepper, surfaces, h = self.stepper, self.stepper.surfaces, self.h
         frame = frames(fresh.normal)
         ratio = h / self.dt0 * stepper.dynamics_of.share if self.dt0 > 0.0 else 1.0
-        known, slid = stepper.memory.recall(fresh, ratio)
+        known, slid, yields = stepper.memory.recall(fresh, ratio)
         mu = surfaces.friction[surfaces.shape[fresh.vertices[:, 0]], surfaces.shape[fresh.vertices[:, 3]]]
         gap = np.einsum("mk,mkd,md->m", fresh.coefficients, self.s0[fresh.vertices], fresh.normal)
         delta = stepper.detector.deltas(fresh.kind, fresh.a, fresh.b)
@@ -260,6 +269,8 @@ class Attempt:
             fresh.distance < delta
         )  # the normal is that at the impact: seen along it both are
         target[turned] = np.minimum(target, np.maximum(gap, HELD * delta))[turned]  # nearer, and need not be parted
+        least = np.minimum(fresh.distance, KEPT * delta)
+        target[yields] = np.maximum(YIELD * target, least)[yields]  # it is squeezed still
         rows = contact_rows(surfaces, fresh, frame, self.arms, stepper.map)
         passing = (rows @ self.v0.ravel()).reshape(-1, 3)[:, 1:]  # [m/s] a pair that is new may be of bodies that slid
         slid |= np.linalg.norm(passing, axis=1) > SLIDING * self.tolerance
@@ -267,6 +278,7 @@ class Attempt:
         self.frame = np.concatenate([self.frame, frame])
         self.impulse = np.concatenate([self.impulse, known])
         self.friction = np.concatenate([self.friction, np.where(slid, mu[:, 1], mu[:, 0])])
+        self.yields = np.concatenate([self.yields, yields])
         self.gap, self.target = np.concatenate([self.gap, gap]), np.concatenate([self.target, target])
 
     def _rest(self, contacts: Contacts, delta: np.ndarray) -> np.ndarray:

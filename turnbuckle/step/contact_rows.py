@@ -92,6 +92,11 @@ class Memory:
         """(n,) bool: friction was at its limit."""
         return self._state.contact_sliding
 
+    @property
+    def yielding(self) -> np.ndarray:
+        """(n,) bool: it is squeezed, and comes nearer than at the start of a step."""
+        return self._state.contact_yielding
+
     def _key(self, contacts: Contacts) -> np.ndarray:
         a, b = contacts.a.astype(np.int64), contacts.b.astype(np.int64)
         return ((contacts.kind != VERTEX_FACE) * self._span + a) * self._span + b
@@ -113,23 +118,25 @@ class Memory:
         known = (self.keys[at] == key) if len(self.keys) else np.zeros(len(key), dtype=bool)
         return at, known
 
-    def recall(self, contacts: Contacts, ratio: float) -> tuple[np.ndarray, np.ndarray]:
-        """World impulses (m, 3) [N s] times ``ratio`` (of step sizes), and which contacts slid; zero where new."""
+    def recall(self, contacts: Contacts, ratio: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """World impulses (m, 3) [N s] times ``ratio`` (of step sizes), which contacts slid, and which yield; zero where new."""
         at, known = self._find(contacts)
         first = np.zeros(len(at), dtype=bool)
         first[np.unique(self._key(contacts), return_index=True)[1]] = True  # of several rows of a pair, one
         known &= first
         out = np.zeros((len(at), 3))
         out[known] = ratio * self.impulse[at[known]]
-        slid = np.zeros(len(at), dtype=bool)
+        slid, yields = np.zeros((2, len(at)), dtype=bool)
         slid[known] = self.sliding[at[known]]
-        return out, slid
+        yields[known] = self.yielding[at[known]]
+        return out, slid, yields
 
-    def keep(self, contacts: Contacts, impulse: np.ndarray, sliding: np.ndarray) -> None:
-        """Remember world impulses (m, 3), summed over rows of one pair, and which contacts slide."""
+    def keep(self, contacts: Contacts, impulse: np.ndarray, sliding: np.ndarray, yielding: np.ndarray) -> None:
+        """Remember world impulses (m, 3), summed over rows of one pair, and which contacts slide, and yield."""
         state = self._state
         state.contact_keys, inverse = np.unique(self._key(contacts), return_inverse=True)
         inverse, n = inverse.ravel(), len(state.contact_keys)
         sums = [np.bincount(inverse, weights=impulse[:, k], minlength=n) for k in range(3)]
         state.contact_impulse = np.stack(sums, axis=1)
         state.contact_sliding = np.bincount(inverse, weights=sliding, minlength=n) > 0.0
+        state.contact_yielding = np.bincount(inverse, weights=yielding, minlength=n) > 0.0

@@ -214,11 +214,13 @@ class ContactStepper:
         """Move whatever still crosses rigidly."""
         dynamics = self.dynamics
         attempt.rough = False  # zones take the motion as it is: nothing is solved again
-        with self.timed("zones"):
-            zones = Zones(dynamics.nodes(attempt.a, attempt.prescribed), attempt.closing.e)
-            v, crossed = clear_with_zones(
-                zones, refined.crossed, attempt.v, attempt.moved, pushable.crossed, self.surfaces, dynamics.block_of
-            )
+        v, crossed = None, refined.crossed
+        if attempt.solution is not None:  # else there is no motion to begin with
+            with self.timed("zones"):
+                zones = Zones(dynamics.nodes(attempt.a, attempt.prescribed), attempt.closing.e)
+                v, crossed = clear_with_zones(
+                    zones, crossed, attempt.v, attempt.moved, pushable.crossed, self.surfaces, dynamics.block_of
+                )
         if v is None and self._may_wait():
             return self._wait(attempt, crossed)
         if v is None:
@@ -374,7 +376,8 @@ class ContactStepper:
         r = impulse[: attempt.solved.count]
         tangential = np.linalg.norm(r[:, 1:], axis=1)
         sliding = (r[:, 0] > 0.0) & (tangential >= attempt.friction * r[:, 0] * (1.0 - 1e-6))
-        self.memory.keep(attempt.solved, np.einsum("mij,mi->mj", attempt.frame[: len(r)], r), sliding)
+        yielding = attempt.yields[: len(r)] & (r[:, 0] > 0.0)
+        self.memory.keep(attempt.solved, np.einsum("mij,mi->mj", attempt.frame[: len(r)], r), sliding, yielding)
 
     def _failed(self, h: float, what: str) -> StepReport:
         advice = "take a smaller dt, or see what presses the bodies together"

@@ -11,7 +11,7 @@ from turnbuckle.data.state import State
 
 VALUES = (
     "time", "steps", "dt", "stale", "work", "dissipation", "dissipation_power", "field_power", "energies", "activated",
-    "owner", "domain_use", "impulse", "active", "contact_keys", "contact_impulse", "contact_sliding", "script_delay",
+    "owner", "domain_use", "impulse", "active", "contact_keys", "contact_impulse", "contact_sliding", "contact_yielding", "script_delay",
     "contact_found",
 )  # fmt: skip
 

@@ -123,7 +123,9 @@ def contact_forces(begin: int, tiles: int, sizes: wp.array(dtype=int), of: int, 
         r_out[c] = r
         d_out[c] = rho[c] * cone_derivative(s, mu[c])
         primal_out[c] = wp.length(r - multiplier[c]) / rho[c]
-        wrong_out[c] = wp.where(r[0] > real(0.0), wp.abs(shift[c] - mu[c] * slip(u)), wp.max(floor[c] - u[0], real(0.0)))
+        wrong_out[c] = wp.where(
+            r[0] > real(0.0), wp.abs(shift[c] - mu[c] * slip(u)), wp.max(floor[c] - u[0], real(0.0))
+        )
 
 
 @wp.kernel
