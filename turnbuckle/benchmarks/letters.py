@@ -57,7 +57,7 @@ def measure(
     if settling > 0.0:
         windows["settling"] = (falling, press_at)
     full = count >= COUNT and falling == pressing == 2.0
-    aims = {"falling": TARGET_MS, "pressing": TARGET_MS} if full else None
+    aims = {"all": TARGET_MS} if full else None
     tables = [steps_table(f"{count} letters", run, windows, aims), stages_table(run, windows)]
     tables[0].notes.append(f"The paper: {PAPER_MS:g} ms a step.")
     answers = []
