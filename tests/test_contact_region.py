@@ -49,7 +49,7 @@ class Watched(NewtonSolver):
         least = float(self.buffers.read("least", 1)[0])
         some = self.near((self.buffers.read("miss", n) > least) & free, pushes)
         for part in range(self.bodies.factors.parts.count if self.bodies.factors is not None else 0):
-            mine = self._part == part
+            mine = self.bodies.part == part
             some |= mine & some[mine].any()
         for first in self.problem.pairs:
             some[first : first + 2] = some[first : first + 2].any()

@@ -56,7 +56,7 @@ def measure(
     windows = {"all": (0.0, seconds), "falling": (0.0, falling), "pressing": (press_at, seconds)}
     if settling > 0.0:
         windows["settling"] = (falling, press_at)
-    full = count >= COUNT and falling == pressing == 2.0
+    full = count >= COUNT and falling == pressing == 2.0 and settling == 0.0
     aims = {"all": TARGET_MS} if full else None
     tables = [steps_table(f"{count} letters", run, windows, aims), stages_table(run, windows)]
     tables[0].notes.append(f"The paper: {PAPER_MS:g} ms a step.")

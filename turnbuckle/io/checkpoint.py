@@ -32,7 +32,7 @@ from turnbuckle.io.recorder import reason
 
 AnyPath = str | os.PathLike[str]
 FORMAT = "turnbuckle checkpoint"
-SCHEMA_VERSION = 3
+SCHEMA_VERSION = 4
 _PLAIN = (Kinematics, RigidState, Loads, JointParts)  # fields of `State` that are arrays by name
 _RESIZED = (  # arrays that are as long as the rows, or the contacts, were in the last step
     "impulse", "active", "contact_keys", "contact_impulse", "contact_sliding",

@@ -6,7 +6,7 @@ BasisCurves, triangles (the skin, else the boundary of the solid) a Mesh, tetrah
 which viewers hide until asked. What a skin covers is there, invisible. Time codes are seconds times frames per second.
 
 Binary layers (.usdc, .usd) are saved every few frames: the crate format appends and moves what was saved out of memory, so
-memory stays flat, and a kill leaves the frames of the last save (`usd_undo`). A text layer cannot be appended to: .usda is recorded as ``NAME.usda.part.usdc`` (a whole file, should the run be killed) and written
+memory stays flat, and a kill leaves the frames of the last save (`usd_undo`). A text layer cannot be appended to: .usda is recorded as ``NAME.usda.part.usdc`` and written
 out as text at the end.
 """
 

@@ -7,7 +7,6 @@ that do, is a rigid body. USD keeps float32, and of a rigid body no velocities: 
 from __future__ import annotations
 
 import contextlib
-import time
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +22,7 @@ with contextlib.suppress(ImportError):  # an optional extra: `read_usd_recording
     from pxr import Tf, Usd, UsdGeom
 
 OWN = ("surface", "lines", "solid")  # names that our recorder gives the prims of a body
-SAVED = 0.3  # [s] a save of a run that goes on takes at most, mostly
+SAVED = 0.3  # [s] without a change: nobody is saving a file
 LOOKS = 16  # frames at which a body is looked at to know that it stands still
 RIGID = 1e-5  # of the size of a body: what it may deviate from a rigid motion
 
@@ -115,10 +114,13 @@ def read_usd_recording(path: Path) -> tuple[list[Shape], dict[str, Any], np.ndar
         raise InputError(f"recording {path}: USD needs usd-core; run: pip install 'turnbuckle[usd]'")
     if not path.is_file():
         raise InputError(f"recording {path}: there is no such file")
-    stage = _opened(path)
-    if stage is None:
-        time.sleep(SAVED)
-        stage = _opened(path) or (_opened(path) if usd_undo.put_back(path) else None)
+    try:
+        stage = _opened(path)
+        if stage is None:
+            usd_undo.put_back(path, SAVED)
+            stage = _opened(path)
+    except OSError as error:
+        raise InputError(f"recording {path}: a save was cut off, and cannot be undone ({error.strerror})") from None
     if stage is None:
         raise InputError(f"recording {path}: is no USD file, or not whole")
     try:

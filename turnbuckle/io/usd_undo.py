@@ -8,6 +8,7 @@ copied to ``NAME.undo`` before each save, and put back where a file is found bro
 
 import os
 import struct
+import time
 from pathlib import Path
 
 HEAD = 88  # bytes: "PXR-USDC", version (8), place of the table (int64), reserved
@@ -40,20 +41,22 @@ def keep(path: Path) -> None:
 
 def forget(path: Path) -> None:
     """The file is whole."""
-    _undo(path).unlink(missing_ok=True)
+    for name in (_undo(path), path.with_name(path.name + ".undo.new")):
+        name.unlink(missing_ok=True)
 
 
-def put_back(path: Path) -> bool:
-    """Make a crate what it was before the save that was cut off; False where nothing is kept of it.
+def put_back(path: Path, patience: float) -> bool:
+    """Make a crate that cannot be opened what it was before the save that was cut off.
 
-    For files that cannot be opened, and still cannot a moment later: a run may be saving it right now.
+    False where nothing is kept of it, or where something is written within ``patience`` [s]: a run is saving it right now.
     """
-    try:
-        kept = _undo(path).read_bytes()
-    except OSError:
+    before = _seen(path)
+    if before is None:
         return False
-    if len(kept) < START.size + HEAD:
+    time.sleep(patience)
+    if _seen(path) != before:
         return False
+    kept = _undo(path).read_bytes()
     (start,) = START.unpack_from(kept)
     with path.open("r+b") as file:
         file.write(kept[START.size : START.size + HEAD])
@@ -62,3 +65,11 @@ def put_back(path: Path) -> bool:
         file.truncate()
     forget(path)
     return True
+
+
+def _seen(path: Path) -> tuple | None:
+    """How a file and its way back look from outside; None where there is no way back."""
+    try:
+        return tuple((s.st_size, s.st_mtime_ns) for s in (path.stat(), _undo(path).stat()))
+    except OSError:
+        return None

@@ -27,8 +27,9 @@ RECOVERED = 0.2  # part of what a contact is too near by that a step gives back
 SLIDING = 10.0  # of the tolerance: tangential speeds at the start beyond which a contact slides
 MISSED = 2.0  # of the tolerance: rows that an unconverged solution misses by more
 YIELD = 0.7  # ask for this part of what they did,
+YIELDS = 3  # so many times an attempt,
+RETRIED = 50  # and go on so as long as they push; in one of so many steps it is tried without
 FAR = 1e3  # times the size of the scene: motion in a step that is none
-YIELDS = 3  # so many times a step
 ROUGH = 5.0  # times the tolerance, while contacts are still being found
 FEW = 60  # contacts that are solved anew by the dense solver where the default one does not converge
 SWEEPS = 500  # of it: what is pressed together beyond hope must not take minutes
@@ -60,6 +61,7 @@ class Attempt:
         self.impulse = np.zeros((0, 3))  # world
         self.friction = np.zeros(0)
         self.yields = np.zeros(0, dtype=bool)  # what is squeezed, and comes nearer than at the start
+        self.asked = np.zeros(0)  # [m] what rows would ask for if nothing yielded
         self.gap, self.target = np.zeros(0), np.zeros(0)  # [m] of rows at the start, and what they ask for at the end
         self.rows = _no_rows(3 * dynamics.n)
         self.tolerance = solver_tolerance(stepper, np.linalg.norm(self.v0[~self.prescribed.fixed], axis=1), h)
@@ -73,6 +75,7 @@ class Attempt:
             self.parting = np.full(stepper.opening.count, stepper.options.recovery)
         self.started = False
         self.tries = YIELDS
+        self.lost = no_contacts()  # what a solution that is none misses
         # Where the last step found contacts on its way, the first ones are not the last: no need for all digits.
         self.rough = state.contact_found and not self.closing.exists
         state.contact_found = False
@@ -114,11 +117,12 @@ class Attempt:
                 found = self._solved(problem, start)
             for name, count in found.iterations.items():
                 self.iterations[name] = self.iterations.get(name, 0) + count
+            if "diverged" in found.message or not self._sound(found):  # halve the step (Contact, 5.6)
+                self.lost = contacts.part(self._missed(problem, found.velocity, contacts))
+                return None
             if not found.converged and self._give_way(problem, found.velocity, contacts):
                 base = self._problem(contacts)
                 continue
-            if "diverged" in found.message or not self._sound(found):  # halve the step (Contact, 5.6)
-                return None
             self.solution, self.solved, self.problem = found, contacts, problem
             m = contacts.count
             self.impulse = np.einsum("mij,mi->mj", self.frame, found.impulse[:m])
@@ -141,17 +145,35 @@ class Attempt:
         Rows ask for the distance at the start, though less is certified: between two scripts that close there is no
         motion that keeps both distances, while there is room for what lies between them.
         """
-        if self.tries == 0 or not np.isfinite(velocity).all():
+        missed = self._missed(problem, velocity, contacts)
+        if (
+            self.tries == 0
+            or self.stepper.options.rows == "velocity"
+            or not self._scripted(contacts.part(missed)).any()
+        ):
             return False
-        self.tries -= 1
         delta = self.stepper.detector.deltas(contacts.kind, contacts.a, contacts.b)
-        missed = (problem.floor - (problem.j @ velocity)[::3])[: contacts.count] > MISSED * self.tolerance
         least = np.minimum(contacts.distance, KEPT * delta)  # what was nearer still need not be let apart
-        some = np.flatnonzero(missed & (self.target > least))
+        some = missed[self.target[missed] > least[missed]]
+        self.tries -= len(some) > 0
         self.target[some] = np.maximum(YIELD * self.target[some], least[some])
         self.yields[some] = True
         self.solved_rows = None  # the solver knows what they asked for
         return len(some) > 0
+
+    def _missed(self, problem: ContactProblem, velocity: np.ndarray, contacts: Contacts) -> np.ndarray:
+        """Rows of contacts that velocities miss by more than solvers leave."""
+        short = (problem.floor - (problem.j @ velocity)[::3])[: contacts.count]
+        return np.flatnonzero(short > MISSED * self.tolerance * (ROUGH if self.rough else 1.0))
+
+    def _scripted(self, contacts: Contacts) -> np.ndarray:
+        """Which contacts (m,) have a side whose motion is prescribed."""
+        surfaces = self.stepper.surfaces
+        ends = surfaces.support[contacts.vertices[:, [0, 3]]]
+        free = ~self.prescribed.fixed[self.stepper.dynamics.block_of(ends)] & (
+            surfaces.weights[contacts.vertices[:, [0, 3]]] != 0.0
+        )
+        return ~free.any(axis=2).all(axis=1)
 
     def _limited(self, problem: ContactProblem) -> ContactProblem:
         """The problem with rows of strain limits after those of contacts, and those of crossings that are to part."""
@@ -269,8 +291,9 @@ class Attempt:
             fresh.distance < delta
         )  # the normal is that at the impact: seen along it both are
         target[turned] = np.minimum(target, np.maximum(gap, HELD * delta))[turned]  # nearer, and need not be parted
-        least = np.minimum(fresh.distance, KEPT * delta)
-        target[yields] = np.maximum(YIELD * target, least)[yields]  # it is squeezed still
+        self.asked = np.concatenate([self.asked, target])
+        if stepper.state.steps % RETRIED:
+            target[yields] = np.maximum(YIELD * target, np.minimum(target, KEPT * delta))[yields]  # squeezed still
         rows = contact_rows(surfaces, fresh, frame, self.arms, stepper.map)
         passing = (rows @ self.v0.ravel()).reshape(-1, 3)[:, 1:]  # [m/s] a pair that is new may be of bodies that slid
         slid |= np.linalg.norm(passing, axis=1) > SLIDING * self.tolerance

@@ -214,20 +214,19 @@ class ContactStepper:
         """Move whatever still crosses rigidly."""
         dynamics = self.dynamics
         attempt.rough = False  # zones take the motion as it is: nothing is solved again
-        v, crossed = None, refined.crossed
+        v, crossed, why = None, attempt.lost, "contact forces have no solution"
         if attempt.solution is not None:  # else there is no motion to begin with
+            why = "prescribed motions press them together"
             with self.timed("zones"):
                 zones = Zones(dynamics.nodes(attempt.a, attempt.prescribed), attempt.closing.e)
                 v, crossed = clear_with_zones(
-                    zones, crossed, attempt.v, attempt.moved, pushable.crossed, self.surfaces, dynamics.block_of
+                    zones, refined.crossed, attempt.v, attempt.moved, pushable.crossed, self.surfaces, dynamics.block_of
                 )
         if v is None and self._may_wait():
             return self._wait(attempt, crossed)
         if v is None:
             self.dynamics_of.take_back(attempt)
-            return self._failed(
-                attempt.h, f"no motion keeps apart {self._named(crossed)}: prescribed motions press them together"
-            )
+            return self._failed(attempt.h, f"no motion keeps apart {self._named(crossed) or 'bodies'}: {why}")
         report = self._commit(attempt, refined)
         report.last_resorts = 1
         return report
@@ -375,8 +374,9 @@ class ContactStepper:
         """What contacts pushed with in the step, in their frames (m, 3), less what only let bodies apart."""
         r = impulse[: attempt.solved.count]
         tangential = np.linalg.norm(r[:, 1:], axis=1)
-        sliding = (r[:, 0] > 0.0) & (tangential >= attempt.friction * r[:, 0] * (1.0 - 1e-6))
-        yielding = attempt.yields[: len(r)] & (r[:, 0] > 0.0)
+        sliding = (r[:, 0] > 0.0) & (tangential >= attempt.friction[: len(r)] * r[:, 0] * (1.0 - 1e-6))
+        end = attempt.gap[: len(r)] + attempt.h * (attempt.rows @ attempt.v.ravel())[: 3 * len(r) : 3]
+        yielding = attempt.yields[: len(r)] & (r[:, 0] > 0.0) & (end < attempt.asked[: len(r)])
         self.memory.keep(attempt.solved, np.einsum("mij,mi->mj", attempt.frame[: len(r)], r), sliding, yielding)
 
     def _failed(self, h: float, what: str) -> StepReport:

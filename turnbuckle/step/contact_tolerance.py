@@ -1,6 +1,6 @@
 """What velocities of a step with contact may miss their conditions by [m/s]: a part of what forces do in the step.
 
-In motion forces are gravity, or, without it, what a contact may be let apart by. Where everything is slow the tolerance
+Forces in motion are gravity, or a quarter of the distance of contact in a step where that is more. Where everything is slow the tolerance
 shrinks with the speed, so that piles come to rest; but not below a part of what bodies at rest are pushed by: to resolve
 the weight of a body that is pressed with a hundred times its weight costs many times as much, and moves nothing.
 """
@@ -19,7 +19,7 @@ LEAST = 1e-9  # [m/s] the smallest tolerance
 PART = 0.25  # of delta: a motion in a step that the tolerance is a part of, where gravity does less
 FAST = 10.0  # times what gravity does in a step: where all is slower, the tolerance shrinks with the speed,
 REST = 1e-2  # to this part of itself,
-PUSHED = 30.0  # or as many times that as bodies are pushed stronger than by their weight, at most so many
+PUSHED = 30.0  # or as many times that as bodies are pushed by more than that, at most so many
 
 
 def solver_tolerance(stepper: "ContactStepper", speed: np.ndarray, h: float) -> float:
@@ -38,20 +38,19 @@ def solver_tolerance(stepper: "ContactStepper", speed: np.ndarray, h: float) -> 
 
 
 def median_push(stepper: "ContactStepper") -> float:
-    """All contact forces on a body over its mass, the median of the moving bodies that were touched [m/s^2]."""
+    """All forces of other bodies on one over its mass, the median of the moving bodies that were touched [m/s^2]."""
     memory, surfaces, dt = stepper.memory, stepper.surfaces, stepper.state.dt
     if not (len(memory.keys) and dt > 0.0):
         return 0.0
     strength = np.linalg.norm(memory.impulse, axis=1)
     kind, a, b = memory.pairs()
-    count = len(stepper.body_masses)
-    push = np.zeros(count)
-    for which, first, second in (
-        (kind == VERTEX_FACE, np.arange(surfaces.vertices), surfaces.faces[:, 0]),
-        (kind != VERTEX_FACE, surfaces.edges[:, 0], surfaces.edges[:, 0]),
-    ):
-        for place in (first[a[which]], second[b[which]]):
-            push += np.bincount(surfaces.shape[place], weights=strength[which], minlength=count)
+    at_vertex, count = kind == VERTEX_FACE, len(stepper.body_masses)
+    ends = np.empty((2, len(kind)), dtype=np.int64)  # a vertex of each side
+    ends[:, at_vertex] = a[at_vertex], surfaces.faces[b[at_vertex], 0]
+    ends[:, ~at_vertex] = surfaces.edges[a[~at_vertex], 0], surfaces.edges[b[~at_vertex], 0]
+    one, other = surfaces.shape[ends]
+    strength = np.where(one != other, strength, 0.0)  # what a body pushes itself with moves it nowhere
+    push = np.bincount(one, weights=strength, minlength=count) + np.bincount(other, weights=strength, minlength=count)
     touched = (push > 0.0) & (stepper.body_masses > 0.0)
     return float(np.median(push[touched] / stepper.body_masses[touched])) / dt if touched.any() else 0.0
 

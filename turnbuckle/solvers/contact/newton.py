@@ -13,8 +13,7 @@ multipliers still miss; then l <- r(v), shift <- mu |u_t|, until nothing moves a
 small multiple of the contact's own stiffness: that keeps the matrix nearly as well conditioned as A, and multipliers
 settle by about 1 / (1 + rho w) a round, w the compliance of the contact in its bodies. Warm starts make the rest.
 
-Equality rows are kept exactly in every iterate: conjugate gradients run in their null space, by the preconditioner
-``M - M E^T (E M E^T)^-1 E M``.
+Equality rows are kept exactly in every iterate: conjugate gradients run in their null space (`newton_equality`).
 """
 
 import numpy as np
@@ -259,11 +258,11 @@ class NewtonSolver:
     def _record(self, tiles: int, threads: int | None) -> None:
         key = (self.buffers.grown, tiles, threads)
         if key != self.bodies.key:
-            calls = None
+            calls = (None, None)
             if self.rows is not None:
-                calls = (lambda: self.rows.take_out(), lambda: self.rows.project())  # type: ignore[union-attr]  # rows of now
+                calls = (lambda: self.rows.take_out(), lambda: self.rows.project())  # of the rows of now
             self.bodies.key = key
-            self.bodies.programs = Programs(self.buffers, self.device, tiles, threads, self.bodies.factors, calls)
+            self.bodies.programs = Programs(self.buffers, self.device, tiles, threads, self.bodies.factors, *calls)
         self._programs = self.bodies.programs
 
 

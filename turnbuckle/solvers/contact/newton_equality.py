@@ -39,7 +39,7 @@ class EqualityRows:
         )
 
     def _inverse(self, problem: ContactProblem) -> sp.csr_array:
-        """D_A^-1: the metric in which velocities are first put on the rows."""
+        """D_A^-1: the metric in which velocities are put on the rows."""
         n, a = self.blocks, problem.a
         own = diagonal_blocks(a.data, a.indptr, a.indices)
         return sp.bsr_array((np.linalg.inv(own), np.arange(n), np.arange(n + 1)), shape=(3 * n, 3 * n)).tocsr()

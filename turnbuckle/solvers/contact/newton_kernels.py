@@ -139,7 +139,7 @@ def update_multipliers(begin: int, tiles: int, sizes: wp.array(dtype=int), of: i
     The penalty of a contact that still misses more than the goal, and hardly less than at the last update, grows: what is
     squeezed between others is far stiffer than it is by itself.
     A contact that slides faster where it is pressed less comes to rest slowly: an update leaves k / (1 + k) of what its
-    shift misses, k = mu d|u_t| / du_n. As long as that goes on evenly its steps get longer, by ``more`` an update, up to
+    shift misses, k = -mu d|u_t| / du_n. As long as that goes on evenly its steps get longer, by ``more`` an update, up to
     what a secant step would be and ``most``.
     """
     tile = begin + wp.tid()

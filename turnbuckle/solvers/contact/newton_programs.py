@@ -32,7 +32,7 @@ Launch = tuple | Callable[[], None]  # kernel, inputs, items; or a call on the h
 class Programs:
     """Programs on buffers that keep their places. ``tiles`` and ``threads`` as in `newton_kernels`.
 
-    ``rows``, where there are equality rows, takes them out of a product of A, and puts directions in their null space.
+    Where there are equality rows ``take_out`` takes them out of a product of A, ``project`` puts directions in their null space.
     """
 
     def __init__(
@@ -42,11 +42,13 @@ class Programs:
         tiles: int,
         threads: int | None,
         factors: SkylineFactors | None,
-        rows: tuple[Callable[[], None], Callable[[], None]] | None,
+        take_out: Callable[[], None] | None,
+        project: Callable[[], None] | None,
     ) -> None:
         self.device, self.tiles, self.threads = device, tiles, threads
         b, t = buffers, tiles
-        self.b, self.factors, self.rows = buffers, factors, rows
+        self.b, self.factors = buffers, factors
+        self.take_out, self.project = take_out, project
         contact = [t, b.sizes, b.offsets, b.columns, b.j]
         every, both = [BLOCKS, b.all], [b.starts, b.others, b.a]
         self._launches: dict[str, tuple[Launch, ...]] = {
@@ -107,8 +109,8 @@ class Programs:
             f, count, done = self.factors, self.factors.parts.count, int(kernels.DONE)
             apply.append((solve_parts, f.solve_inputs(b.fixed, b.residual, b.z, b.scalars, done, parts), count))
             factor.append((factor_parts, f.factor_inputs(b.starts, b.others, b.a, b.diagonal, b.fixed, parts), count))
-        if self.rows is not None:
-            apply.append(self.rows[1])
+        if self.project is not None:
+            apply.append(self.project)
         if apply:  # z is another than that of `advance`
             apply.append((gradients.dot, [*blocked, b.residual, b.z, b.sums], t))
         advance = (gradients.advance, [*blocked, b.scalars, b.pq, b.partner, b.fixed, b.apart, b.m, b.n, b.p, b.q, b.dv,
@@ -117,11 +119,11 @@ class Programs:
             (gradients.direct, [*blocked, b.scalars, b.z, b.p], t),
             (gradients.contact_product, [*touching, b.scalars, b.offsets, b.columns, b.j, b.d, b.p, b.y], t),
             (gradients.product, [*blocked, b.scalars, *matrix, *transposed, b.fixed, b.y, b.p, b.q, b.pq], t),
-            *(() if self.rows is None else self.rows[:1]), advance, *apply, (gradients.next_direction, [t, b.sums, CG_LIMIT, b.scalars], 1),
+            *(() if self.take_out is None else (self.take_out,)), advance, *apply, (gradients.next_direction, [t, b.sums, CG_LIMIT, b.scalars], 1),
         )  # fmt: skip
         begin = (gradients.begin_gradients, [*blocked, b.g, b.residual, b.dv, b.p, b.q, b.pq, b.scalars], t)
         first = (gradients.first_direction, [t, b.sums, b.forcing, b.scalars], 1)
-        batch = BATCH if self.rows is None else 1
+        batch = BATCH if self.project is None else 1
         return {
             "blocks": (
                 (blocks.diagonals, [*blocked, *matrix, *transposed, b.d, b.partner, b.diagonal, b.coupled], t),
