@@ -149,6 +149,24 @@ def test_wrong_input_runs_nothing(tmp_path: Path) -> None:
     assert (tmp_path / "full" / "thesis.txt").read_text() == "do not touch"
 
 
+def test_a_scene_that_cannot_be_written_leaves_no_folder(tmp_path: Path) -> None:
+    """So the same name can be taken once it is mended."""
+
+    def pushed(stiffness: float) -> turnbuckle.Scene:
+        scene = hanging(stiffness)
+        scene.add_force("wind", callable=lambda x, v, t, mass: 0.0 * x)
+        return scene
+
+    with pytest.raises(InputError, match="'wind' is a Python callable"):
+        turnbuckle.sweep(pushed, {"stiffness": [1e3, 1e4]}, out=tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+    result = turnbuckle.sweep(hanging, {"stiffness": [1e3]}, out=tmp_path / "out", processes=1)
+    with pytest.raises(InputError, match="'wind' is a Python callable"):
+        turnbuckle.sweep(pushed, {"stiffness": [1e3]}, out=tmp_path / "out")
+    assert [run.status for run in result.runs] == ["done"]
+    assert sorted(p.name for p in (tmp_path / "out" / "runs").iterdir()) == [result.runs[0].folder.name]
+
+
 def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     hanging().save("hanging.yaml")

@@ -26,6 +26,7 @@ from turnbuckle.scene.yaml_file import MESH_FIELDS
 from turnbuckle.sweeps.values import Values, slug
 
 PLAN, RUNS, SCENE, RESULT, OUTCOME, REPORT = "sweep.json", "runs", "scene.yaml", "result", "outcome.json", "report.json"
+DRAFT = ".draft"  # in RUNS
 FORMAT = "turnbuckle sweep"
 
 
@@ -96,6 +97,7 @@ def freeze(
     for all, or the folder cannot be written.
     """
     check_folder(out)
+    fresh = not out.exists()
     runs: list[Run | tuple[Values, str]] = []
     try:
         for values in combinations:
@@ -105,6 +107,7 @@ def freeze(
                 runs.append((values, str(error)))
         refused = [one[1] for one in runs if not isinstance(one, Run)]
         if len(refused) == len(runs):
+            shutil.rmtree(out if fresh else out / RUNS / DRAFT, ignore_errors=True)
             raise InputError(refused[0])
         made = [one if isinstance(one, Run) else _refused(out, *one, settings) for one in runs]
         write_json(
@@ -126,7 +129,7 @@ def _frozen(out: Path, scene: Scene, values: Values, settings: dict[str, Any]) -
     """The run of a scene. The scene is written beside its place first, for its folder is named by what it holds."""
     runs = out / RUNS
     runs.mkdir(parents=True, exist_ok=True)
-    draft = runs / ".draft"
+    draft = runs / DRAFT
     shutil.rmtree(draft, ignore_errors=True)
     draft.mkdir()
     scene.save(draft / SCENE)
