@@ -12,7 +12,7 @@ GRID = np.stack(np.meshgrid(*[np.arange(4.0)] * 3, indexing="ij"), axis=-1).resh
 
 
 def chosen(**fields: object) -> np.ndarray:
-    return select(PointsDef(body="grid", **fields), GRID, "test")
+    return select(PointsDef(body="grid", **fields), GRID, "constraint 'test'")
 
 
 def test_each_way_of_choosing() -> None:
@@ -39,8 +39,8 @@ def test_a_rotated_box_keeps_its_side() -> None:
     turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
     back = GRID @ turn.T @ turn
     assert (back != GRID).any()
-    assert len(select(PointsDef(body="g", side="-x", thickness=1e-12), back, "t")) == 16
-    assert len(select(PointsDef(body="g", box=[[0, 0, 0], [0, 3, 3]]), back, "t")) == 16
+    assert len(select(PointsDef(body="g", side="-x", thickness=1e-12), back, "constraint")) == 16
+    assert len(select(PointsDef(body="g", box=[[0, 0, 0], [0, 3, 3]]), back, "constraint")) == 16
 
 
 @pytest.mark.parametrize(
@@ -73,16 +73,16 @@ def keyframes(**fields: object) -> KeyframesDef:
 
 
 def test_fixed_goals() -> None:
-    np.testing.assert_array_equal(nail_goal(None, START, "n").position(9.0), START)
-    np.testing.assert_array_equal(nail_goal(np.ones(3), START, "n").position(0.0), np.ones((2, 3)))
-    assert not nail_goal(None, START, "n").moves
-    np.testing.assert_array_equal(velocity_goal(START, 2, "n").velocity(1.0), START)
+    np.testing.assert_array_equal(nail_goal(None, START, "constraint 'n'").position(9.0), START)
+    np.testing.assert_array_equal(nail_goal(np.ones(3), START, "constraint 'n'").position(0.0), np.ones((2, 3)))
+    assert not nail_goal(None, START, "constraint 'n'").moves
+    np.testing.assert_array_equal(velocity_goal(START, 2, "constraint 'n'").velocity(1.0), START)
 
 
 @pytest.mark.parametrize("interpolation", ["linear", "smooth"])
 def test_keyframes_hit_every_key_and_hold_outside(interpolation: str) -> None:
     values = np.random.default_rng(0).standard_normal((3, 2, 3))
-    goal = nail_goal(keyframes(positions=values, interpolation=interpolation), START, "n")
+    goal = nail_goal(keyframes(positions=values, interpolation=interpolation), START, "constraint 'n'")
     assert goal.moves
     for t, want in [(-1.0, 0), (0.5, 0), (1.0, 1), (3.0, 2), (9.0, 2)]:
         np.testing.assert_array_equal(goal.position(t), values[want])
@@ -94,19 +94,19 @@ def test_keyframes_hit_every_key_and_hold_outside(interpolation: str) -> None:
 
 def test_offsets_and_one_place_for_all() -> None:
     offsets = np.array([[0, 0, 0], [1.0, 0, 0], [0, 2, 0]])
-    goal = nail_goal(keyframes(offsets=offsets), START, "n")
+    goal = nail_goal(keyframes(offsets=offsets), START, "constraint 'n'")
     np.testing.assert_allclose(goal.position(2.0), START + [0.5, 1, 0], rtol=1e-15)
-    one = nail_goal(keyframes(positions=offsets), START, "n")
+    one = nail_goal(keyframes(positions=offsets), START, "constraint 'n'")
     np.testing.assert_array_equal(one.position(1.0), np.broadcast_to(offsets[1], (2, 3)))
 
 
 @pytest.mark.parametrize("kind", ["linear", "smooth", "callable"])
 def test_rates_and_accelerations_match_differences(kind: str) -> None:
     if kind == "callable":
-        goal = nail_goal(lambda t: [np.sin(3 * t), t**2, np.exp(-t)], START, "n")
+        goal = nail_goal(lambda t: [np.sin(3 * t), t**2, np.exp(-t)], START, "constraint 'n'")
     else:
         values = np.random.default_rng(1).standard_normal((3, 2, 3))
-        goal = nail_goal(keyframes(positions=values, interpolation=kind), START, "n")
+        goal = nail_goal(keyframes(positions=values, interpolation=kind), START, "constraint 'n'")
     for t in (0.7, 1.6, 2.9):
         d = 1e-5
         rate = (goal.position(t + d) - goal.position(t - d)) / (2 * d)
@@ -117,7 +117,7 @@ def test_rates_and_accelerations_match_differences(kind: str) -> None:
 
 
 def test_the_rate_at_a_key_is_that_of_the_interval_before() -> None:
-    goal = nail_goal(keyframes(positions=[[0, 0, 0], [1.0, 0, 0], [1.0, 4.0, 0]]), START, "n")
+    goal = nail_goal(keyframes(positions=[[0, 0, 0], [1.0, 0, 0], [1.0, 4.0, 0]]), START, "constraint 'n'")
     np.testing.assert_allclose(goal.rate(1.0)[0], [2, 0, 0])
     np.testing.assert_allclose(goal.rate(1.0 + 1e-9)[0], [0, 2, 0])
 
@@ -125,18 +125,18 @@ def test_the_rate_at_a_key_is_that_of_the_interval_before() -> None:
 def test_goals_of_the_wrong_shape_are_refused() -> None:
     for goal in (np.ones((3, 3)), keyframes(positions=np.ones((3, 4, 3)))):
         with pytest.raises(InputError, match="'n'.*(for 2 points give shape|2 points are selected)"):
-            nail_goal(goal, START, "n")
+            nail_goal(goal, START, "constraint 'n'")
     with pytest.raises(InputError, match=r"must return shape \(3,\) or \(2, 3\), got \(4,\)"):
-        nail_goal(lambda t: np.ones(4), START, "n").position(0.0)
+        nail_goal(lambda t: np.ones(4), START, "constraint 'n'").position(0.0)
     with pytest.raises(InputError, match="failed at t = 0 s"):
-        nail_goal(lambda t: "no", START, "n").position(0.0)
+        nail_goal(lambda t: "no", START, "constraint 'n'").position(0.0)
     with pytest.raises(StepError, match="not finite at t = 2 s"):
-        nail_goal(lambda t: [np.nan, 0, 0], START, "n").position(2.0)
+        nail_goal(lambda t: [np.nan, 0, 0], START, "constraint 'n'").position(2.0)
 
 
 def test_a_callable_cannot_reach_what_it_returned() -> None:
     place = np.zeros(3)
-    goal = nail_goal(lambda t: place, START, "n")
+    goal = nail_goal(lambda t: place, START, "constraint 'n'")
     first = goal.position(0.0)
     place[0] = 5.0
     assert first[0, 0] == 0.0 and goal.position(1.0)[1, 0] == 5.0

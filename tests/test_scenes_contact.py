@@ -12,7 +12,7 @@ from turnbuckle.data.model import Model
 from turnbuckle.data.state import State
 from turnbuckle.scene.scene import Scene
 from turnbuckle.scenes import REGISTRY
-from turnbuckle.scenes.dancer import Elastic, followers
+from turnbuckle.scenes.dancer import followers
 from turnbuckle.scenes.local_global import (
     AWAY,
     DELTA,
@@ -173,20 +173,6 @@ def test_points_follow_a_body_that_turns_and_bends() -> None:
     np.testing.assert_allclose(moved[0], points, atol=1e-12)
     np.testing.assert_allclose(moved[1], points @ turn.T + [1, 2, 3], atol=1e-12)
     assert np.abs(moved[2] - points).max() < 0.03
-
-
-def test_an_elastic_waist_pulls_to_where_nails_would_be() -> None:
-    """Springs of one frequency, half critically damped, toward what is between two frames; at rest outside of them."""
-    goals = np.array([[[0.0, 0.0, 0.0]], [[1.0, 0.0, 0.0]], [[1.0, 2.0, 0.0]]])
-    pull = Elastic(np.array([1]), np.array([1.0, 1.5, 2.0]), goals, frequency=10.0)
-    for t, place, velocity in (
-        (0.0, [0, 0, 0], [0, 0, 0]), (1.25, [0.5, 0, 0], [2, 0, 0]), (1.75, [1, 1, 0], [0, 4, 0]), (3.0, [1, 2, 0], [0, 0, 0]),
-    ):  # fmt: skip
-        np.testing.assert_allclose(pull.goal(t), [[place], velocity * np.ones((1, 3))], atol=1e-15)
-    x, v, mass = np.array([[9.0, 9, 9], [1, 1, 1]]), np.array([[9.0, 9, 9], [0, 1, 0]]), np.array([5.0, 0.2])
-    force = pull(x, v, 1.75, mass)
-    np.testing.assert_allclose(force[1], 0.2 * (100.0 * np.array([0, 0, -1]) + 10.0 * np.array([0, 3, 0])))
-    assert (force[0] == 0.0).all()
 
 
 def real_dancer(**parameters: object) -> Scene:

@@ -9,7 +9,7 @@ from turnbuckle.data.model import Model
 from turnbuckle.data.rigid import DYNAMIC
 from turnbuckle.data.state import State
 from turnbuckle.run.assembly_bodies import Clumps
-from turnbuckle.run.frozen_selections import frozen
+from turnbuckle.run.frozen_selections import frozen, frozen_force
 from turnbuckle.scene.base_definition import Definition
 from turnbuckle.scene.definitions import (
     BodyPairDef,
@@ -46,7 +46,8 @@ def moved_scene(scene: Scene, model: Model, state: State, made: Clumps, poses: P
         _moved_joint(d, *frames) if isinstance(d, BodyPairDef) else frozen(d, model, state, moved | carried)
         for d in definition.constraints
     ]
-    changed = definition.model_copy(update={"bodies": bodies, "constraints": constraints})
+    forces = [frozen_force(d, model, moved | carried) for d in definition.forces]
+    changed = definition.model_copy(update={"bodies": bodies, "constraints": constraints, "forces": forces})
     return Scene.from_definition(SceneDef.model_validate(changed), scene.folder)
 
 

@@ -11,15 +11,18 @@ from turnbuckle.scene.definitions import (
     AttachDef,
     AttachToDef,
     ConstraintBase,
+    ForceDef,
     KeyframesDef,
     NailDef,
     PointRef,
     PointsDef,
     PointsToPointDef,
+    PullDef,
     SlideDef,
     SlideOnDef,
     VelocityDef,
 )
+from turnbuckle.scene.pulls import pulled_points
 
 BY_NUMBER = ("indices", "index", "all")
 
@@ -45,6 +48,15 @@ def frozen(d: ConstraintBase, model: Model, state: State, moved: set[str]) -> Co
             on = SlideOnDef(body=on.body, **{"lines" if elements.shape[1] == 2 else "triangles": elements})
         return _with(d, points=_points(d.points, model, group.points), on=on)
     raise InputError(f"constraint '{d.name}': a {type(d).__name__} cannot be assembled")
+
+
+def frozen_force(d: ForceDef, model: Model, moved: set[str]) -> ForceDef:
+    """The force as it is, or, where it pulls points of bodies that moved, with what it chose at the start."""
+    if d.pull is None or not _named(d.pull) & moved:
+        return d
+    points = pulled_points(d, model.shapes, model.rest)
+    goal = _goal(d.pull, model.rest[points])
+    return _with(d, pull=_with(d.pull, points=_points(d.pull.points, model, points), goal=goal))
 
 
 def _named(value: Any) -> set[str]:
@@ -88,7 +100,7 @@ def _bodies(model: Model, points: np.ndarray) -> np.ndarray:
     return np.searchsorted([shape.begin for shape in model.shapes], points, side="right") - 1
 
 
-def _goal(d: NailDef, start: np.ndarray) -> Any:
+def _goal(d: NailDef | PullDef, start: np.ndarray) -> Any:
     """A goal that does not count from where the points lie at the start."""
     if d.goal is None:
         return start

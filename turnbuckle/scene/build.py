@@ -24,8 +24,9 @@ from turnbuckle.scene.build_obstacles import first_velocities, scripted
 from turnbuckle.scene.build_rigid_bodies import first_state as first_rigid_state
 from turnbuckle.scene.build_rigid_bodies import no_loads, rigid_bodies, rigid_field
 from turnbuckle.scene.build_skin import add_skins
-from turnbuckle.scene.definitions import BodyPairDef, CoatingDef, ForceDef, RigidDef, SceneDef
+from turnbuckle.scene.definitions import BodyPairDef, CoatingDef, RigidDef, SceneDef
 from turnbuckle.scene.expression_force import ExpressionForce
+from turnbuckle.scene.pulls import pull_field
 from turnbuckle.scene.upload import make_tetrahedra, upload
 
 STANDARD_GRAVITY = 9.81  # [m/s^2]
@@ -61,7 +62,7 @@ def build(definition: SceneDef, folder: Path, device: str = "cpu") -> tuple[Mode
     rigids = rigid_bodies(rigid_definitions, [b for _, b, _ in rigid], [s for _, _, s in rigid], len(x))
     kernels = {body.name: body.around for body in written.bodies if isinstance(body, CoatingDef)}
     dressed = dress_coatings(written, shapes, x, folder)
-    fields, rigid_fields = _fields(definition.forces, shapes, mass, rigids)
+    fields, rigid_fields = _fields(definition, shapes, x, mass, rigids)
     hinges, corotational = _hinges(bodies, begins, x), _corotational(bodies, every[elastic], owner[elastic], x)
     model = Model(
         name=definition.name,
@@ -189,11 +190,14 @@ def _shape(shape: Shape, begin: int) -> Shape:
 
 
 def _fields(
-    definitions: list[ForceDef], shapes: tuple[Shape, ...], mass: np.ndarray, rigids: RigidBodies
+    definition: SceneDef, shapes: tuple[Shape, ...], x: np.ndarray, mass: np.ndarray, rigids: RigidBodies
 ) -> tuple[tuple[Field, ...], tuple[RigidField, ...]]:
     """Force fields on mass points, and on rigid bodies."""
     fields, on_rigid = [], []
-    for d in definitions:
+    for d in definition.forces:
+        if d.pull is not None:
+            fields.append(pull_field(d, shapes, x, mass, definition.dt))
+            continue
         force = d.callable if d.callable is not None else ExpressionForce.of(d.expression or ["0.0"] * 3)
         torque = None if d.torque is None else ExpressionForce.of(d.torque)
         field = rigid_field(d, rigids, force, torque)

@@ -49,8 +49,8 @@ def add_constraint(model: Model, state: State, definition: ConstraintBase) -> No
 def goal_of(definition_goal: object, group: Group, state: State) -> Goal:
     """A goal as the user writes it, for an existing nail or velocity constraint."""
     if group.kind == "velocity":
-        return velocity_goal(definition_goal, len(group.rows), group.name)
-    return nail_goal(definition_goal, state.positions()[group.points], group.name)
+        return velocity_goal(definition_goal, len(group.rows), f"constraint {group.name!r}")
+    return nail_goal(definition_goal, state.positions()[group.points], f"constraint {group.name!r}")
 
 
 def check_windows(model: Model, state: State, groups: Sequence[Group]) -> None:
@@ -122,7 +122,7 @@ def _points(model: Model, state: State, selections: Sequence[PointsDef], name: s
     out = []
     for s in selections:
         shape = model.shape(s.body)
-        out.append(select(s, x[shape.begin : shape.end], name) + shape.begin)
+        out.append(select(s, x[shape.begin : shape.end], f"constraint {name!r}") + shape.begin)
     points = np.concatenate(out)
     values, first = np.unique(points, return_index=True)
     if len(values) < len(points):
@@ -136,9 +136,9 @@ def _points(model: Model, state: State, selections: Sequence[PointsDef], name: s
 def _pointwise(model: Model, state: State, d: NailDef | VelocityDef) -> Group:
     points = _points(model, state, d.points, d.name)
     if isinstance(d, NailDef):
-        goal = nail_goal(d.goal, state.positions()[points], d.name)
+        goal = nail_goal(d.goal, state.positions()[points], f"constraint {d.name!r}")
     else:
-        goal = velocity_goal(d.goal, len(points), d.name)
+        goal = velocity_goal(d.goal, len(points), f"constraint {d.name!r}")
     rows = reserve(state, d.type, len(points), 0, model.device)
     table = getattr(state.tables, d.type)
     write(table.point, rows, points)

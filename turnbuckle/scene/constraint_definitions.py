@@ -137,6 +137,9 @@ GoalValue = (
 )
 
 
+NailGoal = Annotated[GoalValue | Annotated[None, Tag("<none>")], Discriminator(_goal_kind)]
+
+
 class ConstraintBase(Definition):
     """What all constraints share."""
 
@@ -159,9 +162,7 @@ class NailDef(ConstraintBase):
 
     type: Literal["nail"] = "nail"
     points: PointsList = Field(description="The points [selection].")
-    goal: Annotated[GoalValue | Annotated[None, Tag("<none>")], Discriminator(_goal_kind)] = Field(
-        default=None, description="Where the points are held, (3,) or (n, 3), or keyframes [m]."
-    )
+    goal: NailGoal = Field(default=None, description="Where the points are held, (3,) or (n, 3), or keyframes [m].")
 
     @model_validator(mode="after")
     def _check(self) -> NailDef:

@@ -33,8 +33,10 @@ from turnbuckle.scene.constraint_definitions import (
     ConstraintBase,
     KeyframesDef,
     NailDef,
+    NailGoal,
     PointRef,
     PointsDef,
+    PointsList,
     PointsToPointDef,
     RampDef,
     SlideDef,
@@ -81,7 +83,7 @@ __all__ = [
     "ClothDef", "CoatingDef", "CoincidentDef", "ConeTwistDef", "ConstraintBase", "ConstraintDef", "ContactDef", "CurveDef",
     "CylinderDef", "CylindricalDef", "DisplacementDef", "DistanceDef", "ForceDef", "FrictionDef", "INTEGRATORS", "JointDef", "JOINTS",
     "KeyframesDef", "MotorDef", "NailDef", "NamedJointDef", "NetDef", "ObstacleDef", "PartDef", "PlanarDef", "PlanarJointDef",
-    "PointRef", "PointsDef", "PointsToPointDef", "PointToRingDef", "PrismaticDef", "RampDef", "RevoluteDef", "RigidDef",
+    "PointRef", "PointsDef", "PointsToPointDef", "PointToRingDef", "PrismaticDef", "PullDef", "RampDef", "RevoluteDef", "RigidDef",
     "RollingDef", "RopeDef", "RoundDef", "SceneDef", "SectionDef", "SheetDef", "SkinDef", "SlideDef", "SlideOnDef",
     "SolidDef", "SphereDomainDef", "SurfaceDef", "TrajectoryDef", "TwistDef", "UniversalDef", "VelocityDef", "WeldDef",
 ]  # fmt: skip
@@ -161,6 +163,23 @@ def _component(value: Any) -> Any:
 Component = Annotated[Text, BeforeValidator(_component, json_schema_input_type=str | float)]
 
 
+class PullDef(Definition):
+    """Springs from points to where they should be: nails that give. Each has the frequency, whatever its mass."""
+
+    points: PointsList = Field(description="The points [selection].")
+    goal: NailGoal = Field(
+        default=None, description="Where they are pulled to, (3,) or (n, 3), or keyframes; where they start [m]."
+    )
+    frequency: Positive = Field(description="Stiffness m w^2 on a point of mass m; at most 1 rad a step [rad/s].")
+    damping: NonNegative = Field(default=0.5, description="Damping ratio, 1 critical [1].")
+
+    @model_validator(mode="after")
+    def _check(self) -> PullDef:
+        if isinstance(self.goal, KeyframesDef) and self.goal.velocities is not None:
+            raise problem("a pull takes positions or offsets", "goal", "velocities")
+        return self
+
+
 class ForceDef(Definition):
     """A force field, the force [N] on each point of a body or of all bodies."""
 
@@ -180,10 +199,15 @@ class ForceDef(Definition):
         default=None, description="Rigid bodies: torque in world axes, in the same variables [N m]."
     )
 
+    pull: PullDef | None = Field(default=None, description="Springs that pull points to places [springs].")
+
     @model_validator(mode="after")
     def _check(self) -> ForceDef:
+        if self.pull is not None:
+            exactly_one(self, [("pull",), ("expression",), ("callable",), ("torque",), ("at",), ("body",)])
+            return self
         if not self.given(("expression", "callable", "torque")):
-            raise problem("gives no force; give an expression or a callable, or for rigid bodies a torque")
+            raise problem("gives no force; give an expression, a callable or a pull, or for rigid bodies a torque")
         if self.given(("expression", "callable")):  # a torque may stand alone
             exactly_one(self, [("expression",), ("callable",)], ("torque",))
         return self

@@ -103,18 +103,18 @@ class CallableGoal(Goal):
 
     function: Callable[[float], Any]
     count: int
-    name: str
+    owner: str
 
     def value(self, t: float) -> np.ndarray:
         try:
             result = np.asarray(self.function(float(t)), dtype=np.float64)
         except (TypeError, ValueError) as error:
-            raise InputError(f"constraint {self.name!r}: its goal failed at t = {t:g} s ({error})") from error
+            raise InputError(f"{self.owner}: its goal failed at t = {t:g} s ({error})") from error
         if result.shape not in ((3,), (self.count, 3)):
             shapes = f"(3,) or ({self.count}, 3)"
-            raise InputError(f"constraint {self.name!r}: its goal must return shape {shapes}, got {result.shape}")
+            raise InputError(f"{self.owner}: its goal must return shape {shapes}, got {result.shape}")
         if not np.isfinite(result).all():
-            raise StepError(f"constraint {self.name!r}: its goal is not finite at t = {t:g} s")
+            raise StepError(f"{self.owner}: its goal is not finite at t = {t:g} s")
         return np.broadcast_to(result, (self.count, 3)).copy()
 
     def rate(self, t: float) -> np.ndarray:
@@ -129,8 +129,8 @@ class CallableGoal(Goal):
         return (16.0 * near - far - 30.0 * self.value(t)) / (12.0 * d * d)
 
 
-def nail_goal(goal: Any, start: np.ndarray, name: str) -> Goal:
-    """The goal of a nail. `start`: where its points are at the start [m], shape (n, 3). `name`: the constraint's.
+def nail_goal(goal: Any, start: np.ndarray, owner: str) -> Goal:
+    """The goal of a nail. `start`: where its points are at the start [m], shape (n, 3). `owner`: "constraint 'top'".
 
     Raises `InputError` where the shape of the goal does not fit n points.
     """
@@ -139,30 +139,28 @@ def nail_goal(goal: Any, start: np.ndarray, name: str) -> Goal:
     if isinstance(goal, KeyframesDef) and goal.offsets is not None:
         values = np.asarray(start)[None, :, :] + goal.offsets[:, None, :]
         return KeyframedGoal(goal.times, values, goal.interpolation == "smooth")
-    return _goal(goal, len(start), name, "positions")
+    return _goal(goal, len(start), owner, "positions")
 
 
-def velocity_goal(goal: Any, count: int, name: str) -> Goal:
+def velocity_goal(goal: Any, count: int, owner: str) -> Goal:
     """The goal of a velocity constraint on `count` points; as `nail_goal`, values in m/s."""
-    return _goal(goal, count, name, "velocities")
+    return _goal(goal, count, owner, "velocities")
 
 
-def _goal(goal: Any, count: int, name: str, field: str) -> Goal:
+def _goal(goal: Any, count: int, owner: str, field: str) -> Goal:
     if isinstance(goal, KeyframesDef):
         values = np.asarray(getattr(goal, field))
         values = values[:, None, :] if values.ndim == 2 else values
         if values.shape[1] not in (1, count):
             raise InputError(
-                f"constraint {name!r}: goal.{field} has {values.shape[1]} places a key, but {count} points are selected"
+                f"{owner}: goal.{field} has {values.shape[1]} places a key, but {count} points are selected"
             )
         values = np.broadcast_to(values, (len(values), count, 3)).copy()
         return KeyframedGoal(goal.times, values, goal.interpolation == "smooth")
     if callable(goal):
-        return CallableGoal(goal, count, name)
+        return CallableGoal(goal, count, owner)
     fixed = np.atleast_2d(goal)
     if fixed.shape not in ((1, 3), (count, 3)):
         shapes = "(3,)" if count == 1 else f"(3,) or ({count}, 3)"
-        raise InputError(
-            f"constraint {name!r}: goal has shape {np.shape(goal)}; for {count} points give shape {shapes}"
-        )
+        raise InputError(f"{owner}: goal has shape {np.shape(goal)}; for {count} points give shape {shapes}")
     return FixedGoal(np.broadcast_to(fixed, (count, 3)).copy())

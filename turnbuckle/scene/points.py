@@ -12,14 +12,14 @@ from turnbuckle.scene.expression import compile_expression
 BOX_TOLERANCE = 1e-9  # of the body's extent: a rotated corner must not fall out of its own box by rounding
 
 
-def select(points: PointsDef, positions: np.ndarray, name: str) -> np.ndarray:
+def select(points: PointsDef, positions: np.ndarray, owner: str) -> np.ndarray:
     """Numbers of the points of a body that a selection means, int32, shape (n,), no two the same, n at least 1.
 
-    `positions`: all points of that body at the start, world coordinates [m], shape (count, 3). `name` is what the
-    selection belongs to (a constraint), for messages. `indices` and `nearest` keep the order given; the others go up.
+    `positions`: all points of that body at the start, world coordinates [m], shape (count, 3). `owner`: what the
+    selection belongs to, such as "constraint 'top'", for messages. `indices` and `nearest` keep the order given; the others go up.
     Raises `InputError` when the selection is empty, names a point that is not there, or the same point twice.
     """
-    what = f"constraint {name!r}: points of {points.body!r}"
+    what = f"{owner}: points of {points.body!r}"
     count = len(positions)
     if points.indices is not None:
         chosen = points.indices

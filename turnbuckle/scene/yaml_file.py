@@ -121,6 +121,8 @@ def refuse_callables(definition: SceneDef) -> None:
     for force in definition.forces:
         if force.callable is not None:
             found.append(f"the force {force.name!r} is a Python callable; give an expression")
+        if force.pull is not None and callable(force.pull.goal):
+            found.append(f"the goal of the force {force.name!r} is a Python callable; give keyframes")
     for constraint in definition.constraints:
         if callable(getattr(constraint, "goal", None)):
             found.append(f"the goal of the constraint {constraint.name!r} is a Python callable; give keyframes")

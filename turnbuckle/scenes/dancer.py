@@ -15,7 +15,7 @@ from turnbuckle.scene.scene import Scene
 
 FRAME_RATE = 200.0  # of the dancer made here [1/s]
 NEAR = 16  # vertices of the body whose motion a point of the waist follows
-RESOLVED = 0.45  # [rad] a step of the springs of an elastic waist; 1.2 is the most that a force of the start may have
+RESOLVED = 0.45  # [rad] a step of the springs of an elastic waist
 WOVEN = {"density": 0.15, "structural_stiffness": 300.0, "shear_stiffness": 0.0, "damping": 0.01}
 
 
@@ -82,37 +82,12 @@ def dancer(
         color=[0.70, 0.12, 0.20],
         **WOVEN,
     )
-    times = sequence.times + settle
+    where, goal = {"body": "dress", "indices": held}, {"times": sequence.times + settle, "positions": goals}
     if (waist or ("nails" if body is None else "elastic")) == "elastic":
-        scene.add_force("waist", body="dress", callable=Elastic(held, times, goals, RESOLVED / dt))
+        scene.add_force("waist", pull={"points": where, "goal": goal, "frequency": RESOLVED / dt})
     else:
-        where = {"body": "dress", "indices": held}
-        scene.add_constraint("nail", "waist", points=where, goal={"times": times, "positions": goals})
+        scene.add_constraint("nail", "waist", points=where, goal=goal)
     return scene
-
-
-class Elastic:
-    """A force that pulls points to where they should be, by springs of one frequency, half critically damped."""
-
-    def __init__(self, points: np.ndarray, times: np.ndarray, goals: np.ndarray, frequency: float) -> None:
-        """``points`` (p,) of the body, ``times`` (k,) [s], ``goals`` (k, p, 3) [m], ``frequency`` [rad/s]."""
-        self.points, self.times, self.goals, self.frequency = points, times, goals, frequency
-
-    def goal(self, t: float) -> tuple[np.ndarray, np.ndarray]:
-        """Places (p, 3) [m] and their velocities [m/s] at ``t`` [s]; at rest before the first and after the last."""
-        k = int(np.clip(np.searchsorted(self.times, t), 1, len(self.times) - 1))
-        span = self.times[k] - self.times[k - 1]
-        part = (t - self.times[k - 1]) / span
-        way = self.goals[k] - self.goals[k - 1]
-        return self.goals[k - 1] + np.clip(part, 0.0, 1.0) * way, way / span * (0.0 <= part <= 1.0)
-
-    def __call__(self, x: np.ndarray, v: np.ndarray, t: float, mass: np.ndarray) -> np.ndarray:
-        """Forces (n, 3) [N] on all points of the body."""
-        place, velocity = self.goal(t)
-        away, drift = place - x[self.points], velocity - v[self.points]
-        out = np.zeros_like(x)
-        out[self.points] = mass[self.points, None] * self.frequency * (self.frequency * away + drift)
-        return out
 
 
 def followers(frames: np.ndarray, points: np.ndarray) -> np.ndarray:
