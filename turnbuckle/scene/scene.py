@@ -170,7 +170,7 @@ class Scene:
         return self._add("constraints", JOINTS[type], type, name, fields)
 
     def add_force(self, name: str, **fields: Any) -> str:
-        """Add a force field (fields of `ForceDef`: body, and expression or callable); returns its name."""
+        """Add a force field (fields of `ForceDef`: body, and expression or callable, or pull); returns its name."""
         return self._add("forces", ForceDef, "force", name, fields)
 
     def add_constraint(self, type: str, name: str, **fields: Any) -> str:
