@@ -116,7 +116,7 @@ def _missed(simulation: turnbuckle.Simulation, v0: np.ndarray, k: float) -> floa
 
 
 def test_newton_iterations_converge_quadratically(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("turnbuckle.step.contact_step.GAINED", np.inf)  # no more iterations than asked for
+    monkeypatch.setattr("turnbuckle.step.contact_gains.GAINED", np.inf)  # no more iterations than asked for
     k, left = 5000.0, []
     for newton in (1, 2, 3, 4, 5):
         simulation = _chain(newton, k)

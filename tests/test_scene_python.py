@@ -35,7 +35,7 @@ def small() -> Scene:
         (lambda s: s.add_solid("x", box={"size": [1, 1, 1]}), "solid 'x', box.cells: this field is needed"),
         (lambda s: s.add_solid("x", cylinder={"radius": 1, "length": 1, "around": 2}), "around: .* at least 3"),
         (lambda s: s.add_force("f", body="bx", expression=[0, 0, 0]), "force 'f', body: there is no body 'bx', .*'box'"),
-        (lambda s: s.add_force("f"), "force 'f': gives no force; give an expression or a callable"),
+        (lambda s: s.add_force("f"), "force 'f': gives no force; give an expression, a callable or a pull"),
         (lambda s: s.add_force("f", callable=3), "callable: expected a Python callable"),
         (lambda s: s.add_constraint("nali", "n"), "unknown type 'nali', did you mean 'nail'"),
         (lambda s: s.add_constraint("nail", "n", points={"body": "bax", "index": 0}), r"points\[0\].body.*'box'|points.body"),

@@ -34,6 +34,7 @@ class ContactScheme(ABC):
     alpha = beta = 1.0  # of `turnbuckle.bodies.implicit_system`
     share = 0.5  # at rest, part of a contact's impulse that moves; the rest is for velocities at the end
     may_gain = False  # energy, where it is linearised from afar
+    exact_balance = False  # the state's dissipation is what is missing of its energy
     fine = True  # contact is solved to a part of what gravity does in a step, however slow that is
 
     def __init__(self, stepper: "ContactStepper") -> None:
@@ -65,7 +66,7 @@ class BackwardEuler(ContactScheme):
 
     fine = False
     share = 1.0
-    may_gain = True
+    may_gain = exact_balance = True
 
     @property
     def iterations(self) -> int:
@@ -115,6 +116,7 @@ class Newmark(ContactScheme):
     """Average acceleration, linearised about the free motion of the same step where it meets contact."""
 
     alpha, beta = 0.5, 0.25
+    may_gain = True
 
     @property
     def iterations(self) -> int:

@@ -32,6 +32,7 @@ from turnbuckle.solvers.contact.newton import NewtonSolver
 from turnbuckle.step.contact_attempt import Attempt
 from turnbuckle.step.contact_dynamics import ContactDynamics
 from turnbuckle.step.contact_explicit import Explicit, ExplicitJointReports
+from turnbuckle.step.contact_gains import balance, gained, gains
 from turnbuckle.step.contact_joint_report import JointReports
 from turnbuckle.step.contact_joints import ContactJoints
 from turnbuckle.step.contact_limits import ALLOWED
@@ -47,7 +48,6 @@ from turnbuckle.step.contact_zones import Zones, clear_with_zones
 from turnbuckle.step.goals import move_goals
 from turnbuckle.step.snapshot import Snapshot
 
-GAINED = 0.01  # of the energy of motion and strain: a step that makes more is made again
 MORE = 4  # with so many Newton iterations more
 TOLD = 3  # pairs of bodies that a message names
 
@@ -81,7 +81,7 @@ class ContactStepper:
         else:
             self.joint_reports = JointReports(model, state, self.joints)
         self.articulated = self.joint_reports.articulated
-        self.dynamics.alpha, self.dynamics.beta = self.dynamics_of.alpha, self.dynamics_of.beta
+        self._use(self.dynamics_of)
         threads = 1 if self.surfaces.vertices < PARALLEL else None
         self._intersections = Intersections(self.surfaces, model.device, moves, threads)
         self._seconds: dict[str, float] = {}
@@ -90,6 +90,11 @@ class ContactStepper:
         self.hopeless = False  # whether the dense solver has failed in this step, too
         self._scripts = bool(model.rigid.trajectories) or any(s.moves for s in model.scripted)
         self._known: np.ndarray | None = None  # positions of points that were found free of intersections
+
+    def _use(self, scheme: ContactScheme) -> None:
+        """Make steps by ``scheme``."""
+        self.dynamics_of = scheme
+        self.dynamics.alpha, self.dynamics.beta = scheme.alpha, scheme.beta
 
     def _dynamics(self) -> ContactScheme:
         if self.model.integrator == "newmark":
@@ -117,10 +122,10 @@ class ContactStepper:
             )  # a run may be resumed while it opens
             if (self.state.stale or grows) and not self._is_known():
                 self.check_start()
-            dissipated = self.state.dissipation
+            before = balance(self)
             report = self._advance(dt, self.options.halvings)
-            if self.opening is None and self._gains(report, dissipated):
-                report = self._again(dt, start, report, dissipated)
+            if self.opening is None and gains(self, report, before):
+                report = self._again(dt, start, report, before)
             if self.opening is not None and report.status != "failed":
                 self._tell_crossings(report)
         except (FloatingPointError, np.linalg.LinAlgError, StepError) as error:
@@ -160,32 +165,25 @@ class ContactStepper:
             return self._last_resort(attempt, refined, pushable)
         return self._halved(attempt, h, depth)
 
-    def _gains(self, report: StepReport, dissipated: float) -> bool:
-        """Whether a step of backward Euler made energy, more than solutions are good to; ``dissipated`` [J] before it."""
-        if report.status == "failed" or not self.dynamics_of.may_gain:
-            return False
-        dynamics = self.dynamics
-        mass = float(np.maximum(self.model.mass, 0.0).sum() + self.model.rigid.mass[dynamics.dynamic].sum())
-        falls = 0.5 * mass * float(np.sum((self.state.gravity * report.dt) ** 2))
-        return self.state.dissipation - dissipated < -GAINED * (
-            report.energies["kinetic"] + report.energies["elastic"] + falls
-        )
-
-    def _again(self, dt: float, start: Snapshot, report: StepReport, dissipated: float) -> StepReport:
-        """The step once more, linearised about where it ends, which is what one linearisation from afar lacks.
+    def _again(self, dt: float, start: Snapshot, report: StepReport, before: tuple[float, float]) -> StepReport:
+        """The step once more by backward Euler, linearised about where it ends, which is what one linearisation from
+        afar lacks. (Newmark neither makes nor loses energy where forces are linear; stiff cloth that is struck is not.)
 
         Where that fails, or makes more energy still, the step stays as it was.
         """
-        first, end = self.state.dissipation - dissipated, Snapshot(self.state)
+        first, end, usual = gained(self, report, before), Snapshot(self.state), self.dynamics_of
         start.restore(self.state)
         self.more, other = MORE, None
         try:
+            if not isinstance(usual, BackwardEuler):
+                self._use(BackwardEuler(self))
             other = self._advance(dt, self.options.halvings)
         except (FloatingPointError, np.linalg.LinAlgError, StepError):
             pass
         finally:
             self.more = 0
-        if other is None or other.status == "failed" or self.state.dissipation - dissipated < first:
+            self._use(usual)
+        if other is None or other.status == "failed" or gained(self, other, before) > first:
             end.restore(self.state)
             return report
         return other
