@@ -8,7 +8,7 @@ import scipy.sparse as sp
 
 from tests.reference import contact_problem
 from turnbuckle.data.contact import ContactProblem
-from turnbuckle.solvers.contact import newton_programs
+from turnbuckle.solvers.contact import newton, newton_programs
 from turnbuckle.solvers.contact.anticipation import solve_anticipation
 from turnbuckle.solvers.contact.newton import NewtonSolver, solve_newton
 from turnbuckle.solvers.contact.residuals import contact_residuals
@@ -77,6 +77,22 @@ def test_contacts_that_slide_faster_where_they_are_pressed_less(monkeypatch: pyt
         np.testing.assert_allclose(found.velocity, free + w @ r, rtol=1e-5, atol=1e-5)
         updates.append(found.iterations["multipliers"])
     assert updates[1] < updates[0] / 4
+
+
+def test_contacts_whose_shift_swings(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pressed more it slides faster, by as much as makes plain updates go from side to side for ever."""
+    mu, w = 0.5, np.array([[1.0, 1.08, 0.0], [1.08, 1.2, 0.0], [0.0, 0.0, 1.2]])
+    one = sp.bsr_array((np.eye(3)[None], [0], [0, 1]), shape=(3, 3))
+    a = sp.bsr_array((np.linalg.inv(w)[None], [0], [0, 1]), shape=(3, 3))
+    free = np.array([-1.0, 3.0, 0.0])
+    problem = ContactProblem(a=a, free=free, j=one, floor=np.zeros(1), friction=np.array([mu]))
+    r = -free[0] / (w[0, 0] - mu * w[0, 1]) * np.array([1.0, -mu, 0.0])
+    solver = NewtonSolver()
+    monkeypatch.setattr(solver.splitting, "start", lambda *_: 0)
+    monkeypatch.setattr(newton, "SCALE", (1e3, 1e3))  # stiff enough that multipliers follow shifts at once
+    found = solver.solve(problem, tolerance=1e-7, max_iterations=300)
+    assert found.converged
+    np.testing.assert_allclose(found.impulse, [r], rtol=1e-5)
 
 
 @pytest.mark.parametrize("splits", [True, False])

@@ -140,7 +140,7 @@ def update_multipliers(begin: int, tiles: int, sizes: wp.array(dtype=int), of: i
     squeezed between others is far stiffer than it is by itself.
     A contact that slides faster where it is pressed less comes to rest slowly: an update leaves k / (1 + k) of what its
     shift misses, k = -mu d|u_t| / du_n. As long as that goes on evenly its steps get longer, by ``more`` an update, up to
-    what a secant step would be and ``most``.
+    what a secant step would be and ``most``. Where it swings from side to side it takes the secant step, which is shorter.
     """
     tile = begin + wp.tid()
     for t in range(place(tile, tiles, sizes[of]), place(tile + 1, tiles, sizes[of])):
@@ -152,10 +152,12 @@ def update_multipliers(begin: int, tiles: int, sizes: wp.array(dtype=int), of: i
         multiplier[c] = r[c]
         behind = mu[c] * slip(u[c]) - shift[c]
         longer = real(1.0)
-        even = behind * lag[c] > real(0.0) and stride[c] * lag[c] > real(0.0)
-        if even and r[c][0] > real(0.0) and wp.abs(behind) > part * goal[0] and wp.abs(behind) < wp.abs(lag[c]):
+        if stride[c] * lag[c] > real(0.0) and r[c][0] > real(0.0) and wp.abs(behind) > part * goal[0]:
             secant = stride[c] / (lag[c] - behind)
-            longer = wp.max(wp.min(wp.min(secant, more * stride[c] / lag[c]), most), real(1.0))
+            if behind * lag[c] < real(0.0):
+                longer = wp.max(secant, real(0.25))
+            elif wp.abs(behind) < wp.abs(lag[c]):
+                longer = wp.max(wp.min(wp.min(secant, more * stride[c] / lag[c]), most), real(1.0))
         after = wp.max(shift[c] + longer * behind, real(0.0))
         stride[c] = after - shift[c]
         lag[c] = behind
