@@ -90,7 +90,7 @@ class Watched(NewtonSolver):
 def test_regions_and_their_steps(name: str) -> None:
     """A solution, then one contact that asks for more: what is near it is all there is to do. ``mixed`` has joints."""
     sizes = {
-        "cloth_on_plane": {"n": 24, "layers": 3},
+        "cloth_on_plane": {"n": 40, "layers": 3},
         "soft_stack": {"count": 5},
         "rigid_pile": {"count": 8},
         "mixed": {},

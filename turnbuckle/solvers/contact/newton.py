@@ -42,6 +42,8 @@ SMALL = 500  # blocks and contacts below which one thread does all
 PARALLEL = 8_000  # blocks and contacts below which threads lose more at their meetings than they save
 FEW = 3_000  # blocks around a region below which that is so for it
 AGAIN = 3  # Newton steps between two factorisations of small bodies, which hold what their contacts add to the diagonal
+TURNS = 20  # updates in which shifts that swing are not held, then as many in which they are: what goes round in one ends in the other
+SHORTEST = 0.25  # steps of such shifts, times the usual at least
 KNOWN = 2  # patterns of A that are kept
 EXACT = 1e-3  # of the tolerance: a start that misses by less needs no step; others get one, so that rest becomes exact
 
@@ -127,6 +129,7 @@ class NewtonSolver:
                 converged = True
                 break
             if errors.gradient <= max(GATE * errors.multipliers, exact):
+                b.write("shortest", np.array([SHORTEST if (updates // TURNS) % 2 else 1.0]))
                 errors = self._update(SLIGHT * tolerance if updates else 0.0)
                 updates += 1
             if errors.gradient <= (SETTLED * tolerance if newton else exact):

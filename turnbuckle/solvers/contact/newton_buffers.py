@@ -25,6 +25,7 @@ class Buffers:
         self.kept = wp.zeros(1, dtype=int, device=device)
         self.goal = wp.zeros(1, dtype=real, device=device)
         self.forcing = wp.zeros(1, dtype=real, device=device)
+        self.shortest = wp.zeros(1, dtype=real, device=device)
         self.least = wp.zeros(1, dtype=real, device=device)
         self.zero = wp.zeros(1, dtype=real, device=device)
         self.length = wp.zeros(1, dtype=real, device=device)

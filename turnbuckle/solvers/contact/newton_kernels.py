@@ -131,7 +131,7 @@ def contact_forces(begin: int, tiles: int, sizes: wp.array(dtype=int), of: int, 
 @wp.kernel
 def update_multipliers(begin: int, tiles: int, sizes: wp.array(dtype=int), of: int, which: wp.array(dtype=int), u: wp.array(dtype=wp.vec3d),
                        mu: wp.array(dtype=real), r: wp.array(dtype=wp.vec3d), goal: wp.array(dtype=real), slow: real,
-                       growth: real, part: real, more: real, most: real, rho: wp.array(dtype=real), missed: wp.array(dtype=real),
+                       growth: real, part: real, more: real, most: real, least: wp.array(dtype=real), rho: wp.array(dtype=real), missed: wp.array(dtype=real),
                        lag: wp.array(dtype=real), stride: wp.array(dtype=real), shift: wp.array(dtype=real),
                        multiplier: wp.array(dtype=wp.vec3d)):  # fmt: skip
     """l <- r, and the shift of De Saxce, mu |u_t|, which turns the cone's projection into Coulomb's law.
@@ -140,7 +140,8 @@ def update_multipliers(begin: int, tiles: int, sizes: wp.array(dtype=int), of: i
     squeezed between others is far stiffer than it is by itself.
     A contact that slides faster where it is pressed less comes to rest slowly: an update leaves k / (1 + k) of what its
     shift misses, k = -mu d|u_t| / du_n. As long as that goes on evenly its steps get longer, by ``more`` an update, up to
-    what a secant step would be and ``most``. Where it swings from side to side it takes the secant step, which is shorter.
+    what a secant step would be and ``most``. Where it swings from side to side it takes the secant step, which is shorter,
+    ``least`` times the usual at least.
     """
     tile = begin + wp.tid()
     for t in range(place(tile, tiles, sizes[of]), place(tile + 1, tiles, sizes[of])):
@@ -155,7 +156,7 @@ def update_multipliers(begin: int, tiles: int, sizes: wp.array(dtype=int), of: i
         if stride[c] * lag[c] > real(0.0) and r[c][0] > real(0.0) and wp.abs(behind) > part * goal[0]:
             secant = stride[c] / (lag[c] - behind)
             if behind * lag[c] < real(0.0):
-                longer = wp.max(secant, real(0.25))
+                longer = wp.max(secant, least[0])
             elif wp.abs(behind) < wp.abs(lag[c]):
                 longer = wp.max(wp.min(wp.min(secant, more * stride[c] / lag[c]), most), real(1.0))
         after = wp.max(shift[c] + longer * behind, real(0.0))

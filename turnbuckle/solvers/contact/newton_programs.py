@@ -145,5 +145,6 @@ class Programs:
             "along": ((along, [*touching, b.length, b.u, b.du, *law, b.slopes], t),),
             "move": ((kernels.move, [*blocked, b.length, b.v, b.dv, b.p], t),),
             "update": ((kernels.update_multipliers, [*touching, b.u, b.mu, b.r, b.goal, SLOW, GROWTH, SLIP, *LONGER,
+                                                     b.shortest,
                                                      b.rho, b.missed, b.lag, b.stride, b.shift, b.multiplier], t),),
         }  # fmt: skip
