@@ -137,7 +137,10 @@ class Attempt:
     def _sound(self, found: ContactSolution) -> bool:
         """Whether velocities are finite numbers, and, where they are no solution, not beyond all measure."""
         fastest = float(np.abs(found.velocity).max(initial=0.0))
-        return fastest < np.inf and (found.converged or fastest * self.h < FAR * self.stepper.model.size)
+        if not fastest < np.inf:
+            return False
+        near = found.converged or fastest * self.h < FAR * self.stepper.model.size
+        return near or self.stepper.dynamics.waiting  # for scripts that wait zones of impact make a motion of anything
 
     def _give_way(self, problem: ContactProblem, velocity: np.ndarray, contacts: Contacts) -> bool:
         """Let contacts that a solution misses come nearer, where they may; False where there are none, or it was tried.
@@ -145,6 +148,8 @@ class Attempt:
         Rows ask for the distance at the start, though less is certified: between two scripts that close there is no
         motion that keeps both distances, while there is room for what lies between them.
         """
+        if self.stepper.options.on_impossible == "stall":  # scripts wait instead
+            return False
         missed = self._missed(problem, velocity, contacts)
         if (
             self.tries == 0
