@@ -20,6 +20,12 @@ def make(name, friction, seed=1):
     return getattr(contact_problem, name)(mu=friction, seed=seed)
 
 
+def one_block(compliance: np.ndarray, free: np.ndarray, mu: float) -> ContactProblem:
+    """One contact of one block with ``A^-1`` (3, 3), along its axes."""
+    one, a = (sp.bsr_array((m[None], [0], [0, 1]), shape=(3, 3)) for m in (np.eye(3), np.linalg.inv(compliance)))
+    return ContactProblem(a=a, free=free, j=one, floor=np.zeros(1), friction=np.array([mu]))
+
+
 @pytest.mark.parametrize("name", MAKERS)
 def test_frictionless_velocities_are_those_of_anticipation_from_random_starts(name):
     problem = make(name, 0.0)
@@ -61,10 +67,8 @@ def test_contacts_that_slide_faster_where_they_are_pressed_less(monkeypatch: pyt
     In closed form: it slides along +t, so r_t = -mu r_n, and u_n = 0 gives r_n = -v*_n / (W_nn - mu W_nt).
     """
     mu, w = 0.5, np.array([[1.0, 1.0, 0.0], [1.0, 100.0, 0.0], [0.0, 0.0, 100.0]])
-    one = sp.bsr_array((np.eye(3)[None], [0], [0, 1]), shape=(3, 3))
-    a = sp.bsr_array((np.linalg.inv(w)[None], [0], [0, 1]), shape=(3, 3))
     free = np.array([-1.0, 150.0, 0.0])
-    problem = ContactProblem(a=a, free=free, j=one, floor=np.zeros(1), friction=np.array([mu]))
+    problem = one_block(w, free, mu)
     r = -free[0] / (w[0, 0] - mu * w[0, 1]) * np.array([1.0, -mu, 0.0])
     updates = []
     for most in (1.0, newton_programs.LONGER[1]):
@@ -82,10 +86,8 @@ def test_contacts_that_slide_faster_where_they_are_pressed_less(monkeypatch: pyt
 def test_contacts_whose_shift_swings(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pressed more it slides faster, by as much as makes plain updates go from side to side for ever."""
     mu, w = 0.5, np.array([[1.0, 1.08, 0.0], [1.08, 1.2, 0.0], [0.0, 0.0, 1.2]])
-    one = sp.bsr_array((np.eye(3)[None], [0], [0, 1]), shape=(3, 3))
-    a = sp.bsr_array((np.linalg.inv(w)[None], [0], [0, 1]), shape=(3, 3))
     free = np.array([-1.0, 3.0, 0.0])
-    problem = ContactProblem(a=a, free=free, j=one, floor=np.zeros(1), friction=np.array([mu]))
+    problem = one_block(w, free, mu)
     r = -free[0] / (w[0, 0] - mu * w[0, 1]) * np.array([1.0, -mu, 0.0])
     solver = NewtonSolver()
     monkeypatch.setattr(solver.splitting, "start", lambda *_: 0)
@@ -98,9 +100,7 @@ def test_contacts_whose_shift_swings(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("splits", [True, False])
 def test_a_guess_that_slides_fast_hides_no_contact(splits: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """The shift of the guess, mu |u_t| = 30 m/s, would let a contact be missed without pushing."""
-    one = sp.bsr_array((np.eye(3)[None], [0], [0, 1]), shape=(3, 3))
-    free = np.array([-0.01, 0.02, 0.0])
-    problem = ContactProblem(a=one, free=free, j=one, floor=np.zeros(1), friction=np.array([0.3]))
+    problem = one_block(np.eye(3), np.array([-0.01, 0.02, 0.0]), 0.3)
     solver = NewtonSolver()
     if not splits:
         monkeypatch.setattr(solver.splitting, "start", lambda *_: 0)

@@ -11,20 +11,22 @@ if TYPE_CHECKING:
 
 GAINED = 0.01  # of the energy of motion and strain: more than solutions are good to
 
-Balance = tuple[float, float]  # [J] energy less what was put in, inf where it is not known; dissipation
+Balance = tuple[float, float]  # [J] work and dissipation before a step
 
 
 def balance(stepper: "ContactStepper") -> Balance:
-    """What there is before a step."""
-    state = stepper.state
-    return (_energy(state.energies) if state.energies and not state.stale else np.inf), state.dissipation
+    """What was done and lost before a step, which begins now."""
+    stepper.dynamics_of.started = None
+    return stepper.state.work, stepper.state.dissipation
 
 
 def gained(stepper: "ContactStepper", report: StepReport, before: Balance) -> float:
-    """Energy [J] that the step made, from ``before`` on."""
-    if stepper.dynamics_of.exact_balance:
-        return before[1] - stepper.state.dissipation
-    return _energy(report.energies) - before[0]
+    """Energy [J] that the step made, from ``before`` on; it falls by friction, impacts and damping."""
+    scheme, state, e = stepper.dynamics_of, stepper.state, report.energies
+    if scheme.exact_balance:
+        return before[1] - state.dissipation
+    assert scheme.started is not None
+    return e["kinetic"] + e["elastic"] + e["gravity"] - scheme.started - (state.work - before[0])
 
 
 def gains(stepper: "ContactStepper", report: StepReport, before: Balance) -> bool:
@@ -36,8 +38,3 @@ def gains(stepper: "ContactStepper", report: StepReport, before: Balance) -> boo
     falls = 0.5 * mass * float(np.sum((stepper.state.gravity * report.dt) ** 2))
     there = report.energies["kinetic"] + report.energies["elastic"] + falls
     return gained(stepper, report, before) > GAINED * there
-
-
-def _energy(energies: dict[str, float]) -> float:
-    """It falls by friction, impacts and damping."""
-    return energies["kinetic"] + energies["elastic"] + energies["gravity"] - energies["work"]

@@ -35,6 +35,7 @@ class ContactScheme(ABC):
     share = 0.5  # at rest, part of a contact's impulse that moves; the rest is for velocities at the end
     may_gain = False  # energy, where it is linearised from afar
     exact_balance = False  # the state's dissipation is what is missing of its energy
+    started: float | None = None  # [J] what there was when the step began, where it is not
     fine = True  # contact is solved to a part of what gravity does in a step, however slow that is
 
     def __init__(self, stepper: "ContactStepper") -> None:
@@ -126,6 +127,8 @@ class Newmark(ContactScheme):
         dynamics, h, p = self.stepper.dynamics, attempt.h, self.stepper.dynamics.points
         attempt.energy0 = None
         attempt.a = dynamics.refresh(h)
+        if self.started is None:  # the first part of a step that was halved
+            self.started = dynamics.energy(dynamics.velocities(), attempt.x0, dynamics.bx0, dynamics.q0)
         force = dynamics.system.force.copy()
         self.pushes = dynamics.pushes(attempt.x0, attempt.v0, dynamics.bx0, dynamics.q0, attempt.time0)
         self.turned = dynamics.turned(0.5 * h)

@@ -32,7 +32,7 @@ from turnbuckle.solvers.contact.newton import NewtonSolver
 from turnbuckle.step.contact_attempt import Attempt
 from turnbuckle.step.contact_dynamics import ContactDynamics
 from turnbuckle.step.contact_explicit import Explicit, ExplicitJointReports
-from turnbuckle.step.contact_gains import balance, gained, gains
+from turnbuckle.step.contact_gains import Balance, balance, gained, gains
 from turnbuckle.step.contact_joint_report import JointReports
 from turnbuckle.step.contact_joints import ContactJoints
 from turnbuckle.step.contact_limits import ALLOWED
@@ -48,7 +48,7 @@ from turnbuckle.step.contact_zones import Zones, clear_with_zones
 from turnbuckle.step.goals import move_goals
 from turnbuckle.step.snapshot import Snapshot
 
-MORE = 4  # with so many Newton iterations more
+MORE = 4  # Newton iterations more where a step is made again
 TOLD = 3  # pairs of bodies that a message names
 
 
@@ -165,7 +165,7 @@ class ContactStepper:
             return self._last_resort(attempt, refined, pushable)
         return self._halved(attempt, h, depth)
 
-    def _again(self, dt: float, start: Snapshot, report: StepReport, before: tuple[float, float]) -> StepReport:
+    def _again(self, dt: float, start: Snapshot, report: StepReport, before: Balance) -> StepReport:
         """The step once more by backward Euler, linearised about where it ends, which is what one linearisation from
         afar lacks. (Newmark neither makes nor loses energy where forces are linear; stiff cloth that is struck is not.)
 
