@@ -32,6 +32,13 @@ x = np.random.default_rng(0).normal(size=(points, 3))
 """
 
 
+_FLUSHED_EARLY = """
+        for frame in range(frames):
+            recorder.write(frame / 10, x + frame, 0 * x)
+            if frame == frames - 4:
+                recorder.flush()"""
+
+
 def _start(code, path, points, frames):
     return subprocess.Popen(
         [sys.executable, "-c", _WRITER + textwrap.dedent(code), str(path), str(points), str(frames)],
@@ -69,13 +76,12 @@ def _check(path, at_least, at_most=None):
 def test_exit_in_the_middle_keeps_what_was_flushed(tmp_path, suffix):
     if suffix.startswith(".usd"):
         pytest.importorskip("pxr")
-    code = """
-        for frame in range(frames):
-            recorder.write(frame / 10, x + frame, 0 * x)
-            if frame == frames - 4:
-                recorder.flush()
+    code = (
+        _FLUSHED_EARLY
+        + """
         os._exit(9)  # three frames after the last flush
     """
+    )
     path = tmp_path / f"run{suffix}"
     assert _start(code, path, 50, 40).wait() == 9
     _check(path, at_least=37, at_most=40)
@@ -111,17 +117,16 @@ def test_a_save_of_usd_that_was_cut_off_is_undone(tmp_path):
     pytest.importorskip("pxr")
     from pxr import Tf, Usd
 
-    code = """
-        for frame in range(frames):
-            recorder.write(frame / 10, x + frame, 0 * x)
-            if frame == frames - 4:
-                recorder.flush()
+    code = (
+        _FLUSHED_EARLY
+        + """
                 os.system(f"cp {path} {path}.before")
                 from turnbuckle.io import usd_undo
                 usd_undo.forget = lambda path: None
         recorder.flush()
         os._exit(9)
     """
+    )
     path = tmp_path / "run.usdc"
     assert _start(code, path, 50, 40).wait() == 9
     before, after, undo = (path.with_name(n).read_bytes() for n in ("run.usdc.before", "run.usdc", "run.usdc.undo"))
